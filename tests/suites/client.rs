@@ -1,11 +1,14 @@
 //! The Rust client: what `rcc-net` builds is run, canceled, handed over, set and watched, through all processes. Each
 //! test has a cell of its own.
 
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use rcc_client::{Cell, ClientError};
+use rcc_client::{Cell, ClientError, OnClientLoss};
 use rcc_net::{NetBuilder, Real, pose};
-use rcc_tests::TestCell;
+use rcc_tests::{TestCell, await_some};
 use serde_json::json;
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -89,6 +92,108 @@ fn values_are_set_and_watched_and_a_hand_over_has_no_gap() {
         Ok(second.id())
     );
     assert!(cell.watch(&["nothing/*"], 10.0).is_err());
+    tested.stop();
+}
+
+#[test]
+fn a_watch_of_a_command_ends_with_its_last_values_when_the_net_ends() {
+    let tested = TestCell::demo();
+    let cell = Cell::at(&tested.cell().socket()).expect("a cell");
+    let command = cell.start(&waiting("over")).expect("started");
+    let mut watch = command.watch(&["level.value"], 0.5).expect("a stream");
+    let first = watch.next().expect("a sample").expect("values");
+    assert_eq!(first.values["level.value"], 0.0);
+    command.set(&json!({"level": 2})).expect("set");
+    // The net ends between two samples.
+    let last: Vec<_> = watch.map(|sample| sample.expect("values")).collect();
+    let last = last.last().expect("its last values");
+    assert_eq!(last.values["level.value"], 2.0);
+    let state = command.state().expect("a state");
+    assert_eq!(
+        (state.state.as_str(), state.ended_cycle),
+        ("terminated", last.cycle)
+    );
+    let again = command.watch(&["*"], 10.0).expect("a stream");
+    assert_eq!(again.map(|sample| sample.expect("values")).count(), 1);
+    assert!(command.wait(None).expect("ended").finished().is_ok());
+    let other = cell.start(&waiting("unloaded")).expect("started");
+    let mut watch = other.watch(&["*"], 10.0).expect("a stream");
+    other.abort().expect("aborted");
+    other.wait(Some(LIMIT)).expect("ended");
+    other.unload().expect("unloaded");
+    assert!(watch.all(|sample| sample.is_ok()));
+    assert!(other.watch(&["*"], 10.0).is_err() && other.wait(None).is_err());
+    tested.stop();
+}
+
+#[test]
+fn a_connection_that_is_dropped_ends_what_was_started_with_it_and_a_hand_over_keeps_that() {
+    let tested = TestCell::demo();
+    let socket = tested.cell().socket();
+    let watching = Cell::at(&socket).expect("a cell");
+    let cell = Cell::at(&socket).expect("a cell");
+    let cell = cell.with_lost_after(Duration::from_secs(3600));
+    let first = cell.start(&waiting("first")).expect("started");
+    let second = cell.load(&waiting("second")).expect("loaded");
+    cell.switch(&[&first], &[&second]).expect("handed over");
+    let free = cell.load(&waiting("free")).expect("loaded");
+    free.start().expect("started");
+    drop(cell);
+    let ended = watching.command("second").expect("a command");
+    let ended = ended.wait(Some(LIMIT)).expect("ended");
+    assert_eq!(ended.reason, "canceled", "{ended}");
+    let free = watching.command("free").expect("a command");
+    assert_eq!(free.state().expect("a state").state, "running");
+    tested.stop();
+}
+
+/// The program that is killed: the harness runs this very test in a process of its own.
+fn program(socket: &str) {
+    let cell = Cell::at(Path::new(socket)).expect("a cell");
+    let cell = cell.with_lost_after(Duration::from_millis(500));
+    let bound = cell
+        .start(&line("bound", 0.1, "0.01 m/s"))
+        .expect("started");
+    let free = cell.load(&waiting("free")).expect("loaded");
+    free.start_with(OnClientLoss::GoOn).expect("started");
+    println!("\nready {}", bound.id());
+    std::thread::sleep(LIMIT);
+}
+
+#[test]
+fn a_program_that_is_killed_leaves_what_on_client_loss_says() {
+    if let Ok(socket) = std::env::var("RCC_TEST_CLIENT_SOCKET") {
+        return program(&socket);
+    }
+    let tested = TestCell::demo();
+    let own = std::env::current_exe().expect("this program");
+    let mut killed = Command::new(own)
+        .args([
+            "a_program_that_is_killed_leaves_what_on_client_loss_says",
+            "--nocapture",
+        ])
+        .env("RCC_TEST_CLIENT_SOCKET", tested.cell().socket())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("a program");
+    let mut lines = BufReader::new(killed.stdout.take().expect("its output")).lines();
+    let is_ready = lines.any(|line| line.expect("a line").starts_with("ready"));
+    killed.kill().expect("killed");
+    killed.wait().expect("dead");
+    assert!(is_ready, "{}", tested.logs());
+    let cell = Cell::at(&tested.cell().socket()).expect("a cell");
+    let bound = cell.command("bound").expect("a command");
+    let ended = bound.wait(Some(LIMIT)).expect("ended");
+    assert_eq!(ended.reason, "canceled", "{ended}");
+    await_some("the arm to rest", || {
+        let devices = cell.devices().expect("devices");
+        devices
+            .iter()
+            .find(|device| device.name == "lwr" && device.state == "ready")
+            .map(drop)
+    });
+    let free = cell.command("free").expect("a command");
+    assert_eq!(free.state().expect("a state").state, "running");
     tested.stop();
 }
 

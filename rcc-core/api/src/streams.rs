@@ -144,6 +144,10 @@ pub struct StreamState {
     pub fault: Option<FaultView>,
 }
 
+/// Data of the event `end` of a stream: nothing can follow, because every command that `ports` names by its id has ended.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct StreamEnd {}
+
 /// Data of the event `lost` of a stream: counts since the last such event. The client read too slowly, or the samples
 /// could not be taken at the rate.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]

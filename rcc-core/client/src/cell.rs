@@ -1,13 +1,19 @@
 //! A connection to a cell: its commands, devices and status. Blocks the calling thread.
 
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use rcc_api::bodies::{CommandView, DeviceView, ErrorBody, Loaded, StatusView, Switched};
+use rcc_api::bodies::{
+    CommandRef, CommandView, DeviceView, ErrorBody, Loaded, OnClientLoss, StatusView, Switch,
+    Switched,
+};
 use rcc_api::codes;
+use serde::de::DeserializeOwned;
 
 use crate::command::{Command, Outcome};
 use crate::error::{ClientError, RequestError};
+use crate::lease::Lease;
 use crate::transport::{LoaderClient, RemoteLoader, runtime_folder, segment};
 use crate::watch::Watch;
 
@@ -18,10 +24,15 @@ const LOAD_MAX: Duration = Duration::from_secs(60);
 /// Interval at which a net that is being loaded is looked at.
 const LOAD_POLL: Duration = Duration::from_millis(2);
 
-/// A connection to a cell.
+/// Time without a sign of life after which a program counts as lost, unless it says otherwise.
+const LOST_AFTER: Duration = Duration::from_secs(1);
+
+/// A connection to a cell. Dropping it is the loss of the client for what it runs.
 #[derive(Debug)]
 pub struct Cell {
     pub(crate) client: LoaderClient,
+    lost_after: Duration,
+    lease: Mutex<Option<Lease>>,
 }
 
 impl Cell {
@@ -66,9 +77,54 @@ impl Cell {
     }
 
     fn proven(client: LoaderClient) -> Result<Cell, ClientError> {
-        let cell = Cell { client };
+        let cell = Cell {
+            client,
+            lost_after: LOST_AFTER,
+            lease: Mutex::default(),
+        };
         cell.status()?;
         Ok(cell)
+    }
+
+    /// Returns this connection with another time (50 ms to an hour, 1 s by default) after which the program counts as
+    /// lost when it gives no sign of life. A thread gives it, not the program's own ones.
+    #[must_use]
+    pub fn with_lost_after(self, lost_after: Duration) -> Cell {
+        Cell { lost_after, ..self }
+    }
+
+    /// Sends a request that starts commands; `body` is made with the lease to which they are bound, if any.
+    pub(crate) fn begin<T: DeserializeOwned>(
+        &self,
+        path: &str,
+        on_client_loss: OnClientLoss,
+        body: impl Fn(Option<u64>) -> Result<String, ClientError>,
+    ) -> Result<T, ClientError> {
+        if on_client_loss == OnClientLoss::GoOn {
+            return Ok(self.client.post(path, body(None)?)?);
+        }
+        let number = self.lease(None)?;
+        match self.client.post(path, body(Some(number))?) {
+            Err(error) if error.body.code == codes::UNKNOWN_LEASE.code => {}
+            answer => return Ok(answer?),
+        }
+        // The lease expired unnoticed: this program was stopped for a while, or the executor was restarted.
+        let number = self.lease(Some(number))?;
+        Ok(self.client.post(path, body(Some(number))?)?)
+    }
+
+    /// Returns the lease of this program, which is granted when it is first needed; `expired` is one that is no more.
+    fn lease(&self, expired: Option<u64>) -> Result<u64, ClientError> {
+        let mut held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_gone = |lease: &Lease| lease.is_lost() || Some(lease.number) == expired;
+        if held.as_ref().is_some_and(is_gone) {
+            *held = None;
+        }
+        let lease = match held.take() {
+            Some(lease) => lease,
+            None => Lease::grant(&self.client, self.lost_after)?,
+        };
+        Ok(held.insert(lease).number)
     }
 
     /// Returns the executor's health and the cell's processes.
@@ -128,14 +184,43 @@ impl Cell {
         Ok(Command::new(self, view.id))
     }
 
-    /// Loads, starts and follows a net, and unloads it.
+    /// Loads and starts a net. It is canceled when this program is gone, and when this connection is dropped.
+    ///
+    /// # Errors
+    /// Fails if the net is rejected or refused; then nothing is left of it.
+    pub fn start(&self, net: &str) -> Result<Command<'_>, ClientError> {
+        let command = self.load(net)?;
+        match command.start_with(OnClientLoss::Cancel) {
+            Ok(_) => Ok(command),
+            Err(error) => {
+                // The error that led here is the one to tell.
+                let _ = command.end();
+                Err(error)
+            }
+        }
+    }
+
+    /// Loads, starts and follows a net, and unloads it. It is canceled when this program is gone.
     ///
     /// # Errors
     /// Fails if the net is rejected or refused, or if it ends otherwise than as `finished`
     /// ([`ClientError::NotFinished`]), so that `?` keeps a program from moving an arm that somebody stopped.
     pub fn run(&self, net: &str) -> Result<Outcome, ClientError> {
+        self.run_with(net, OnClientLoss::Cancel)
+    }
+
+    /// As [`Cell::run`], with what follows when this program is gone.
+    ///
+    /// # Errors
+    /// As [`Cell::run`].
+    pub fn run_with(
+        &self,
+        net: &str,
+        on_client_loss: OnClientLoss,
+    ) -> Result<Outcome, ClientError> {
         let command = self.load(net)?;
-        let outcome = command.start().and_then(|_| command.wait(None));
+        let started = command.start_with(on_client_loss);
+        let outcome = started.and_then(|_| command.wait(None));
         match outcome {
             Ok(outcome) => {
                 command.unload()?;
@@ -150,7 +235,7 @@ impl Cell {
     }
 
     /// Hand-over: stops some commands and starts others between the same two cycles; returns the first cycle of those
-    /// that start.
+    /// that start. They are canceled with this program if one that stops would have been.
     ///
     /// # Errors
     /// Fails if the hand-over is impossible; then nothing has changed.
@@ -159,16 +244,42 @@ impl Cell {
         stop: &[&Command<'_>],
         start: &[&Command<'_>],
     ) -> Result<u64, ClientError> {
-        let ids = |commands: &[&Command<'_>]| -> Vec<u64> {
-            commands.iter().map(|command| command.id()).collect()
+        let on_client_loss = match stop.iter().any(|command| command.is_bound()) {
+            true => OnClientLoss::Cancel,
+            false => OnClientLoss::GoOn,
         };
-        let body = serde_json::json!({"stop": ids(stop), "start": ids(start)});
-        let body = body.to_string();
-        let switched: Switched = self.client.post("/switch", body)?;
+        self.switch_with(stop, start, on_client_loss)
+    }
+
+    /// As [`Cell::switch`], with what follows for those that start when this program is gone.
+    ///
+    /// # Errors
+    /// As [`Cell::switch`].
+    pub fn switch_with(
+        &self,
+        stop: &[&Command<'_>],
+        start: &[&Command<'_>],
+        on_client_loss: OnClientLoss,
+    ) -> Result<u64, ClientError> {
+        let ids = |commands: &[&Command<'_>]| -> Vec<CommandRef> {
+            let ids = commands.iter().map(|command| CommandRef::Id(command.id()));
+            ids.collect()
+        };
+        let switched: Switched = self.begin("/switch", on_client_loss, |lease| {
+            crate::json_text(&Switch {
+                stop: ids(stop),
+                start: ids(start),
+                lease,
+                ..Switch::default()
+            })
+        })?;
+        start.iter().for_each(|one| one.bind(on_client_loss));
         Ok(switched.cycle)
     }
 
-    /// Watches values of ports such as `line/*` or `belt/soft.out`, at a rate, Hz (0.1 to 250).
+    /// Watches values of ports such as `line/*` or `belt/soft.out`, at a rate, Hz (0.1 to the rate of the cell). A name
+    /// also stands for commands that are loaded later, so that the samples go on when a net ends; those of
+    /// [`Command::watch`] end with it.
     ///
     /// # Errors
     /// Fails if there is no such net or port, or if the rate is out of range.

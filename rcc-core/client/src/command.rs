@@ -1,13 +1,15 @@
 //! A loaded net, and how it ended. Blocks the calling thread.
 
 use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use rcc_api::bodies::{CommandView, Done, InputsSet, ValuesView};
+use rcc_api::bodies::{CommandView, Done, InputsSet, OnClientLoss, Start, ValuesView};
 use serde::Serialize;
 
 use crate::cell::Cell;
 use crate::error::ClientError;
+use crate::watch::Watch;
 
 /// Interval at which a command that is awaited is looked at.
 const POLL: Duration = Duration::from_millis(5);
@@ -63,11 +65,17 @@ impl fmt::Display for Outcome {
 pub struct Command<'a> {
     cell: &'a Cell,
     id: u64,
+    // True if it ends with this program; written and read by callers, and no other memory depends on it.
+    is_bound: AtomicBool,
 }
 
 impl<'a> Command<'a> {
     pub(crate) fn new(cell: &'a Cell, id: u64) -> Command<'a> {
-        Command { cell, id }
+        Command {
+            cell,
+            id,
+            is_bound: AtomicBool::new(false),
+        }
     }
 
     /// Returns its id.
@@ -93,12 +101,38 @@ impl<'a> Command<'a> {
         Ok(done.cycle)
     }
 
-    /// START; returns the first cycle.
+    /// START; returns the first cycle. It goes on when this program is gone.
     ///
     /// # Errors
     /// Fails if it is not `ready`, if another command holds an arm or output that it needs, or if a device is not ready.
     pub fn start(&self) -> Result<u64, ClientError> {
-        self.operate("/start")
+        self.start_with(OnClientLoss::GoOn)
+    }
+
+    /// START, and what follows when this program is gone; returns the first cycle.
+    ///
+    /// # Errors
+    /// As [`Command::start`], or if no lease can be granted.
+    pub fn start_with(&self, on_client_loss: OnClientLoss) -> Result<u64, ClientError> {
+        let started: Done = self
+            .cell
+            .begin(&self.path("/start"), on_client_loss, |lease| {
+                crate::json_text(&Start {
+                    lease,
+                    ..Start::default()
+                })
+            })?;
+        self.bind(on_client_loss);
+        Ok(started.cycle)
+    }
+
+    pub(crate) fn bind(&self, on_client_loss: OnClientLoss) {
+        let is_bound = on_client_loss == OnClientLoss::Cancel;
+        self.is_bound.store(is_bound, Ordering::Relaxed);
+    }
+
+    pub(crate) fn is_bound(&self) -> bool {
+        self.is_bound.load(Ordering::Relaxed)
     }
 
     /// CANCEL: asks the net to end in its own way; returns the cycle in which it took effect.
@@ -159,8 +193,7 @@ impl<'a> Command<'a> {
     /// # Errors
     /// Fails if an input or a value is not possible; then nothing has changed.
     pub fn set(&self, values: &impl Serialize) -> Result<u64, ClientError> {
-        let body = serde_json::to_string(values)
-            .map_err(|error| ClientError::NotUnderstood(error.to_string()))?;
+        let body = crate::json_text(values)?;
         let set: InputsSet = self.cell.client.put(&self.path("/inputs"), body)?;
         Ok(set.cycle)
     }
@@ -172,6 +205,20 @@ impl<'a> Command<'a> {
     pub fn values(&self, ports: &[&str]) -> Result<ValuesView, ClientError> {
         let ports: Vec<String> = ports.iter().map(|port| (*port).to_owned()).collect();
         Ok(self.cell.client.values(&self.id.to_string(), &ports)?)
+    }
+
+    /// Watches values of its ports such as `move.distance` or `*`, at a rate, Hz (0.1 to the rate of the cell). The
+    /// samples end when the net does; the last one has its last values.
+    ///
+    /// # Errors
+    /// Fails if it has no such port, or if the rate is out of range.
+    pub fn watch(&self, ports: &[&str], rate: f64) -> Result<Watch<'a>, ClientError> {
+        let ports: Vec<String> = ports
+            .iter()
+            .map(|port| format!("#{}/{port}", self.id))
+            .collect();
+        let ports: Vec<&str> = ports.iter().map(String::as_str).collect();
+        self.cell.watch(&ports, rate)
     }
 
     /// CANCEL, or ABORT if it cannot be canceled; waits for the end, and unloads.

@@ -80,7 +80,7 @@ pub enum ClientError {
     /// The net has not ended in this time; it goes on.
     #[error("the net has not ended within {0:?}")]
     Timeout(Duration),
-    /// The loader ended a stream.
+    /// The loader ended a stream that was not complete.
     #[error("the cell ended its stream: see `rcc-cli status`")]
     StreamEnded,
     /// A line of a stream is not understood.

@@ -13,13 +13,19 @@
 mod cell;
 mod command;
 mod error;
+mod lease;
 mod transport;
 mod watch;
 
 pub use cell::Cell;
 pub use command::{Command, Outcome};
 pub use error::{ClientError, RequestError};
-pub use rcc_api::bodies::{CommandView, DeviceView, StatusView, ValuesView};
+pub use rcc_api::bodies::{CommandView, DeviceView, OnClientLoss, StatusView, ValuesView};
 pub use rcc_api::streams::StreamValues;
 pub use transport::{Lines, LoaderClient, RemoteLoader, no_loader, runtime_folder, segment};
 pub use watch::Watch;
+
+/// Returns the text of a body.
+fn json_text(body: &impl serde::Serialize) -> Result<String, ClientError> {
+    serde_json::to_string(body).map_err(|error| ClientError::NotUnderstood(error.to_string()))
+}

@@ -37,7 +37,7 @@ pub struct LoaderClient {
 }
 
 /// Address of a loader.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Endpoint {
     Socket(PathBuf),
     Tcp(RemoteLoader),
@@ -138,6 +138,11 @@ impl LoaderClient {
     pub fn remote(remote: RemoteLoader, timeout: Duration) -> Result<LoaderClient, RequestError> {
         let cell = remote.authority.clone();
         LoaderClient::with_endpoint(&cell, Endpoint::Tcp(remote), timeout)
+    }
+
+    /// Creates another client of the same loader, for another thread.
+    pub(crate) fn another(&self, timeout: Duration) -> Result<LoaderClient, RequestError> {
+        LoaderClient::with_endpoint(&self.cell, self.endpoint.clone(), timeout)
     }
 
     fn with_endpoint(

@@ -1,20 +1,27 @@
-//! Live values of ports, as an iterator. Blocks the calling thread until the next sample.
+//! Live values of ports, as an iterator that ends when no value can follow. Blocks the calling thread until the next
+//! sample.
 
 use rcc_api::streams::{StreamLoss, StreamValues};
 
 use crate::error::ClientError;
 use crate::transport::Lines;
 
-/// Samples of ports as they arrive; dropping it ends the stream.
+/// Samples of ports as they arrive; dropping it ends the stream. The last item is an error if the loader ended the stream
+/// before it was complete.
 #[derive(Debug)]
 pub struct Watch<'a> {
     lines: Lines<'a>,
     lost: u64,
+    is_over: bool,
 }
 
 impl<'a> Watch<'a> {
     pub(crate) fn new(lines: Lines<'a>) -> Watch<'a> {
-        Watch { lines, lost: 0 }
+        Watch {
+            lines,
+            lost: 0,
+            is_over: false,
+        }
     }
 
     /// Number of samples that were lost so far, because this program reads too slowly or the cell is busy.
@@ -23,7 +30,7 @@ impl<'a> Watch<'a> {
         self.lost
     }
 
-    /// Returns the next sample; `None` when the loader ends the stream.
+    /// Returns the next sample; `None` when no value can follow.
     fn sample(&mut self) -> Result<Option<StreamValues>, ClientError> {
         let understood = |error: serde_json::Error| ClientError::NotUnderstood(error.to_string());
         let mut event = String::new();
@@ -37,11 +44,12 @@ impl<'a> Watch<'a> {
                         let lost: StreamLoss = serde_json::from_str(data).map_err(understood)?;
                         self.lost += lost.samples;
                     }
+                    "end" => return Ok(None),
                     _ => {}
                 }
             }
         }
-        Ok(None)
+        Err(ClientError::StreamEnded)
     }
 }
 
@@ -49,6 +57,11 @@ impl Iterator for Watch<'_> {
     type Item = Result<StreamValues, ClientError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.sample().transpose()
+        if self.is_over {
+            return None;
+        }
+        let sample = self.sample();
+        self.is_over = !matches!(sample, Ok(Some(_)));
+        sample.transpose()
     }
 }

@@ -18,7 +18,7 @@ use rcc_api::bodies::{
 };
 use rcc_api::error::ApiError;
 use rcc_api::streams::{
-    ChannelError, ChannelOpened, ChannelSet, StreamLoss, StreamMonitored, StreamPorts, StreamState,
+    ChannelError, ChannelOpened, ChannelSet, StreamEnd, StreamLoss, StreamMonitored, StreamPorts, StreamState,
 };
 use rcc_api::{catalogue, codes};
 use rcc_process::Helpers;
@@ -122,7 +122,8 @@ struct ServerState {
         StreamPorts,
         StreamState,
         StreamMonitored,
-        StreamLoss
+        StreamLoss,
+        StreamEnd
     ))
 )]
 struct ApiDocument;

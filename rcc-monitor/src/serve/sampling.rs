@@ -35,7 +35,7 @@ pub async fn run(server: Arc<Server>) {
         if let Some(stream) = opened {
             let ports = wanted.ports;
             tokio::select! {
-                () = forward(&server, stream) => {}
+                () = follow(&server, stream) => {}
                 () = changed(&server, &mut changes, &ports, wanted.rate) => continue,
             }
         }
@@ -108,7 +108,16 @@ async fn open_what_exists(server: &Server, ports: &[String], rate: f64) -> Optio
     opened
 }
 
-async fn forward(server: &Server, mut stream: EventStream) {
+/// Forwards a stream until the loader or the executor ends it. One that is complete is not opened again: all its
+/// commands have ended.
+async fn follow(server: &Server, stream: EventStream) {
+    if forward(server, stream).await {
+        std::future::pending::<()>().await;
+    }
+}
+
+/// Forwards a stream to its end; returns true if it is complete.
+async fn forward(server: &Server, mut stream: EventStream) -> bool {
     let mut described: Map<String, Value> = Map::new();
     while let Some((event, data)) = stream.next().await {
         let id = data["id"].as_u64().unwrap_or_default();
@@ -146,7 +155,9 @@ async fn forward(server: &Server, mut stream: EventStream) {
                     .hub
                     .send(Update::Shared("lost", lost.to_string().into()));
             }
+            "end" => return true,
             _ => {}
         }
     }
+    false
 }

@@ -36,14 +36,14 @@ impl CommandList {
     }
 }
 
-/// What happens to a rule when the client that installed it is gone.
+/// What happens to a rule or a command when its client is gone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub enum OnClientLoss {
-    /// The rule is disarmed, and what it started is cancelled.
+    /// The rule is disarmed; the command, or what the rule started, is cancelled.
     #[default]
     #[serde(rename = "cancel")]
     Cancel,
-    /// The rule stays.
+    /// It stays.
     #[serde(rename = "go on")]
     GoOn,
 }

@@ -53,7 +53,8 @@ pub(super) struct StreamQuery {
 /// connection: `ports` (types and units, before the first values of a command), `values` (as shown), `state`, `event`,
 /// `monitored` (every value of the nets' `Monitor`s, in batches), and `lost` (how many samples, events and records the
 /// client was too slow for). A name stands for the newest command of that
-/// name, also for one that is loaded later. A net is sent only if it was evaluated since the last sample.
+/// name, also for one that is loaded later; `#7` and `line#7` stand for one command, and a stream of nothing but such ports
+/// ends with `end` when all of these commands have ended. A net is sent only if it was evaluated since the last sample.
 #[utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
     params(("ports" = Option<String>, Query, description = "patterns such as `belt/soft.out,line/ik.*`"),
         ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to the rate of the cell; 10 by default; two clients at a time may ask for more than 250"),
@@ -94,9 +95,9 @@ pub(super) async fn stream(
     let opened = move |service: &Service| service.open_stream(&request);
     let stream = blocking(state.clone(), opened).await?;
     let (client, response) = live::answer("text/event-stream", place);
-    // It ends when the connection does.
+    // It ends when the connection does, or when nothing can follow.
     tokio::task::spawn_blocking(move || {
-        stream.serve(&state.service, &client);
+        stream.serve(&state.service, client);
         drop(fast);
     });
     Ok(response)

@@ -7,20 +7,22 @@ use std::time::{Duration, Instant};
 
 use rcc_api::codes;
 use rcc_api::error::ApiError;
-use rcc_api::streams::{StreamLoss, StreamPort, StreamPorts, StreamState, StreamValues};
+use rcc_api::streams::{StreamEnd, StreamLoss, StreamState};
+use rcc_core::message::CommandState;
 use rcc_ipc::events::EventReader;
-use rcc_protocol::control::{Answer, Call};
 use rcc_protocol::events::Event;
 use serde::Serialize;
 
 use super::Service;
-use super::values::{SelectedPort, no_names, select, view};
+use super::values::{SelectedPort, no_names, select};
+use crate::server::address::CommandAddress;
 use crate::server::executor::{ExecutorConnection, ExecutorPort};
 use crate::server::live::LiveSender;
 use crate::server::store::CommandStore;
 use monitors::MonitorReader;
 
 mod monitors;
+mod samples;
 
 /// Rate above which a stream is a fast one, samples per second: each sample of a net is one request to the executor,
 /// which takes eight in a cycle. The maximum is the rate of the cell.
@@ -56,6 +58,8 @@ pub struct StreamRequest {
 /// An open stream.
 pub struct EventStream {
     subscriptions: Vec<Subscription>,
+    /// Incarnation of the executor that ids in `ports` mean.
+    incarnation: u64,
     period: Duration,
     port: Option<ExecutorPort>,
     states: Option<BTreeMap<u64, StateKey>>,
@@ -66,11 +70,33 @@ pub struct EventStream {
     spoke: Instant,
 }
 
-/// Ports of one net. A name means the newest command of that name, preferably an active one.
+/// Ports of one net. A name means the newest command of that name, preferably an active one; an id means one command of
+/// one executor.
 struct Subscription {
     net: String,
     patterns: Vec<String>,
     target: Option<Target>,
+    /// True when no value can follow: it has an id, and the command has ended.
+    is_over: bool,
+}
+
+impl Subscription {
+    fn new(net: &str, pattern: &str) -> Subscription {
+        Subscription {
+            net: net.to_owned(),
+            patterns: vec![pattern.to_owned()],
+            target: None,
+            is_over: false,
+        }
+    }
+
+    /// Returns the id in the address; `None` if it is a name, which later commands may have.
+    fn id(&self) -> Option<u64> {
+        match CommandAddress::read(&self.net)? {
+            CommandAddress::Id(id) | CommandAddress::Both(_, id) => Some(id),
+            CommandAddress::Name(_) => None,
+        }
+    }
 }
 
 /// The command that a subscription reads now.
@@ -111,6 +137,7 @@ impl Service {
         Ok(EventStream {
             monitors: monitors.transpose()?,
             subscriptions,
+            incarnation: attached.announcement.incarnation,
             period: Duration::from_secs_f64(1.0 / request.rate),
             port,
             states: request.states.then(BTreeMap::new),
@@ -128,7 +155,7 @@ impl Service {
         store: &CommandStore,
         subscription: &Subscription,
     ) -> Result<Target, ApiError> {
-        let active = |state: rcc_core::message::CommandState| state.is_active();
+        let active = |state: CommandState| state.is_active();
         let id = self.resolve(|| attached.tables(), store, &subscription.net, active)?;
         let names = store.names(id).ok_or_else(|| no_names(id))?;
         Ok(Target {
@@ -169,11 +196,7 @@ fn subscriptions(request: &StreamRequest, rate_max: f64) -> Result<Vec<Subscript
         };
         match all.iter_mut().find(|known| known.net == net) {
             Some(known) => known.patterns.push(pattern.to_owned()),
-            None => all.push(Subscription {
-                net: net.to_owned(),
-                patterns: vec![pattern.to_owned()],
-                target: None,
-            }),
+            None => all.push(Subscription::new(net, pattern)),
         }
     }
     if all.len() > STREAM_NETS_MAX {
@@ -185,14 +208,17 @@ fn subscriptions(request: &StreamRequest, rate_max: f64) -> Result<Vec<Subscript
 }
 
 impl EventStream {
-    /// Serves the client until it is gone.
-    pub fn serve(mut self, service: &Service, client: &LiveSender) {
+    /// Serves the client until it is gone, or until nothing can follow.
+    pub fn serve(mut self, service: &Service, client: LiveSender) {
         let (mut sample, mut look) = (Instant::now(), Instant::now());
         while !client.is_over() {
             let now = Instant::now();
             if now >= look {
                 look = now + LOOK_EVERY;
-                self.look(service, client);
+                self.look(service, &client);
+                if self.is_over() {
+                    return client.finish(self.last_pieces());
+                }
             }
             if !self.subscriptions.is_empty() && now >= sample {
                 let late = now.duration_since(sample).as_nanos() / self.period.as_nanos().max(1);
@@ -202,7 +228,7 @@ impl EventStream {
                     0 => sample + self.period,
                     _ => now + self.period,
                 };
-                self.sample(service, client);
+                self.sample(service, &client);
             }
             if self.spoke.elapsed() > SILENCE_MAX {
                 self.spoke = Instant::now();
@@ -217,6 +243,21 @@ impl EventStream {
         }
     }
 
+    /// Returns true if nothing can follow: all ports are those of commands that have ended.
+    fn is_over(&self) -> bool {
+        let has_more = self.states.is_some() || self.reader.is_some() || self.monitors.is_some();
+        !has_more && self.subscriptions.iter().all(|one| one.is_over)
+    }
+
+    /// Returns the end of the stream: what was lost, and that it is complete.
+    fn last_pieces(&self) -> String {
+        let lost = match self.loss == StreamLoss::default() {
+            true => String::new(),
+            false => frame("lost", &self.loss),
+        };
+        lost + &frame("end", &StreamEnd::default())
+    }
+
     /// Sends an event; false if the client has no room for it.
     fn send(&mut self, client: &LiveSender, event: &str, data: &impl Serialize) -> bool {
         if self.loss != StreamLoss::default() && client.send(frame("lost", &self.loss)).is_ok() {
@@ -227,70 +268,6 @@ impl EventStream {
             self.spoke = Instant::now();
         }
         is_sent
-    }
-
-    /// Sends the values of all nets that were evaluated since the last sample.
-    fn sample(&mut self, service: &Service, client: &LiveSender) {
-        let mut subscriptions = std::mem::take(&mut self.subscriptions);
-        for subscription in &mut subscriptions {
-            if let Some(values) = self.read(service, client, subscription) {
-                let is_sent = self.send(client, "values", &values);
-                self.loss.samples += u64::from(!is_sent);
-            }
-        }
-        self.subscriptions = subscriptions;
-    }
-
-    /// Reads the ports of one net; `None` if it is not there, was not evaluated since, or cannot be announced yet.
-    fn read(
-        &mut self,
-        service: &Service,
-        client: &LiveSender,
-        subscription: &mut Subscription,
-    ) -> Option<StreamValues> {
-        let (attached, store) = service.attach().ok()?;
-        let active = |state: rcc_core::message::CommandState| state.is_active();
-        let id = service.resolve(|| attached.tables(), &store, &subscription.net, active);
-        let id = id.ok()?;
-        let known = subscription.target.as_ref();
-        if known.is_none_or(|target| target.id != id) {
-            // A net of this name without these ports, or that is still being loaded, shows nothing.
-            subscription.target = service.target(&attached, &store, subscription).ok();
-        }
-        let target = subscription.target.as_mut()?;
-        let points = target.selected.iter().map(|port| port.point).collect();
-        let answer = self.port.as_ref()?.call(&Call::Read { id, points });
-        let values = match answer {
-            Ok(Answer::Values(values)) => values,
-            // For example, it has not been started.
-            Ok(_) => return None,
-            Err(_) => {
-                self.port = None;
-                return None;
-            }
-        };
-        if values.evaluations == 0 || target.evaluations == Some(values.evaluations) {
-            return None;
-        }
-        if !target.is_announced {
-            target.is_announced = self.send(client, "ports", &announcement(target));
-            if !target.is_announced {
-                self.loss.samples += 1;
-                return None;
-            }
-        }
-        target.evaluations = Some(values.evaluations);
-        let period_ns = attached.status().period_ns;
-        let view = view(id, &target.net, period_ns, &target.selected, &values);
-        let values = view.values.into_iter();
-        Some(StreamValues {
-            id,
-            net: view.net,
-            cycle: view.cycle,
-            net_cycle: view.net_cycle,
-            time_s: view.time_s,
-            values: values.map(|value| (value.port, value.value)).collect(),
-        })
     }
 
     /// Sends the values of monitors; those for which the client has no room are lost.
@@ -316,7 +293,7 @@ impl EventStream {
         self.monitors = Some(reader);
     }
 
-    /// Sends changed states, new events and monitored values, and finds a restarted executor.
+    /// Sends changed states, last values, new events and monitored values, and finds a restarted executor.
     fn look(&mut self, service: &Service, client: &LiveSender) {
         if self.port.is_none() && !self.subscriptions.is_empty() {
             self.port = service.executor.open_port().ok();
@@ -330,6 +307,7 @@ impl EventStream {
             self.look_at_states(service, client, &mut known);
             self.states = Some(known);
         }
+        self.look_at_ends(service, client);
         self.send_monitored(service, client);
         if let Some(reader) = &mut self.reader {
             // The log may be out of reach for a moment: the events come later.
@@ -394,19 +372,6 @@ impl EventStream {
                 known.remove(&id);
             }
         }
-    }
-}
-
-fn announcement(target: &Target) -> StreamPorts {
-    let ports = target.selected.iter().map(|port| StreamPort {
-        port: port.port.clone(),
-        ty: port.ty.clone(),
-        unit: port.unit.clone(),
-    });
-    StreamPorts {
-        id: target.id,
-        net: target.net.clone(),
-        ports: ports.collect(),
     }
 }
 

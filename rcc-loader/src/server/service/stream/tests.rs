@@ -5,6 +5,7 @@ use crate::server::live;
 use crate::server::peer::ClientPeer;
 use crate::server::shares::{ShareLimits, Shares};
 use http_body_util::BodyExt;
+use rcc_api::streams::StreamValues;
 
 fn request(ports: &[&str], rate: f64) -> StreamRequest {
     StreamRequest {
@@ -64,6 +65,7 @@ fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
     let (client, response) = live::answer("text/event-stream", place.expect("a place"));
     let mut stream = EventStream {
         subscriptions: Vec::new(),
+        incarnation: 0,
         period: Duration::from_millis(10),
         port: None,
         states: None,
@@ -100,4 +102,14 @@ fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
     let told = format!("event: lost\ndata: {{\"samples\":{lost},\"events\":0,\"records\":0}}\n\n");
     assert_eq!(take(), told);
     assert!(take().contains("\"id\":1000"));
+}
+
+#[test]
+fn only_ports_of_commands_that_are_named_by_their_id_can_be_over() {
+    let ports = ["#7/a.b", "7/a.c", "line#8/a.b", "line/a.b"];
+    let found = subscriptions(&request(&ports, 10.0), 1000.0).map(|found| {
+        let ids = found.iter().map(Subscription::id);
+        ids.collect::<Vec<_>>()
+    });
+    assert_eq!(found, Ok(vec![Some(7), Some(7), Some(8), None]));
 }

@@ -1,0 +1,101 @@
+//! A lease: how the cell knows that this program lives. A thread of its own renews it, so that a program that computes or
+//! waits keeps what it runs; the executor counts the time since the last renewal.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rcc_api::bodies::{LeaseBody, LeaseDone, LeaseGranted};
+use rcc_api::codes;
+
+use crate::error::{ClientError, RequestError};
+use crate::transport::LoaderClient;
+
+/// Renewals in the time after which a lease expires.
+const RENEWALS: u32 = 5;
+
+/// A lease that was granted. It ends when it is dropped: what is bound to it is cancelled.
+#[derive(Debug)]
+pub(crate) struct Lease {
+    /// Its number.
+    pub number: u64,
+    client: LoaderClient,
+    ended: Option<Sender<()>>,
+    // Written by the thread, read by `is_lost`.
+    lost: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Lease {
+    /// Asks for a lease that expires after this time without a renewal, and starts the thread.
+    pub fn grant(client: &LoaderClient, expires: Duration) -> Result<Lease, ClientError> {
+        let expires_ms = u64::try_from(expires.as_millis()).unwrap_or(u64::MAX);
+        let granted: LeaseGranted =
+            client.post("/leases", crate::json_text(&LeaseBody { expires_ms })?)?;
+        let renewing = Renewing {
+            client: client.another(expires)?,
+            path: format!("/leases/{}/renew", granted.lease),
+            pause: expires / RENEWALS,
+            lost: Arc::default(),
+        };
+        let lost = Arc::clone(&renewing.lost);
+        let (ended, is_ended) = channel();
+        let thread = std::thread::Builder::new().name("rcc-lease".to_owned());
+        let thread = thread.spawn(move || renewing.run(&is_ended));
+        let thread = thread.map_err(|error| {
+            let help = "close other programs to free resources";
+            RequestError::new(codes::PROCESS_FAILED, error.to_string(), help)
+        })?;
+        Ok(Lease {
+            number: granted.lease,
+            client: client.another(expires)?,
+            ended: Some(ended),
+            lost,
+            thread: Some(thread),
+        })
+    }
+
+    /// Returns true when the cell has forgotten it: what was bound to it was cancelled.
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Lease {
+    fn drop(&mut self) {
+        self.ended = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been reported by its hook.
+            let _ = thread.join();
+        }
+        if !self.is_lost() {
+            // If the loader cannot be reached, the lease expires by itself.
+            let _ = self
+                .client
+                .delete::<LeaseDone>(&format!("/leases/{}", self.number));
+        }
+    }
+}
+
+struct Renewing {
+    client: LoaderClient,
+    path: String,
+    pause: Duration,
+    // Read by `Lease::is_lost`. No other memory depends on it.
+    lost: Arc<AtomicBool>,
+}
+
+impl Renewing {
+    fn run(self, ended: &Receiver<()>) {
+        while ended.recv_timeout(self.pause) == Err(RecvTimeoutError::Timeout) {
+            let renewed = self.client.post::<LeaseDone>(&self.path, String::new());
+            // Other errors: the loader is being restarted, or slow; the executor decides when it has been too long.
+            if renewed.is_err_and(|error| error.body.code == codes::UNKNOWN_LEASE.code) {
+                self.lost.store(true, Ordering::Relaxed);
+                return;
+            }
+        }
+    }
+}
