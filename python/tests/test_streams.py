@@ -3,11 +3,17 @@
 import asyncio
 import csv
 import math
+import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 import rcc
+from rcc._mcap import Clock
 
 MONITORED = 300
 
@@ -105,3 +111,74 @@ def test_batches_come_while_the_net_runs(cell):
     batches.close()
     command.cancel()
     command.wait(60)
+
+
+def test_a_watch_of_a_command_ends_with_the_net_and_has_its_last_values(cell):
+    net = rcc.Net("ending")
+    level = net.Input(type="Real", initial=0.0, name="level")
+    net.Termination(done=net.Greater(a=level.value, b=1.0).out)
+    command = cell.start(net)
+    samples = command.watch("level.value", rate=0.5)
+    assert next(samples)["level.value"] == 0.0
+    command.set({"level": 2.0})
+    rest = list(samples)
+    assert rest[-1]["level.value"] == 2.0 and command.state()["state"] == "terminated"
+    assert [sample.cycle for sample in command.watch(rate=10)] == [rest[-1].cycle]
+
+
+def test_a_wait_for_a_command_that_somebody_unloads_ends(cell, cell_name):
+    command = cell.load(ramp("forgotten"))
+    with rcc.connect(cell_name) as other, ThreadPoolExecutor() as pool:
+        waiting = pool.submit(command.wait, 60)
+        other.command(command.id).unload()
+        with pytest.raises(rcc.RccError, match="not found"):
+            waiting.result()
+
+
+def messages(file):
+    """The messages of an MCAP file by topic, as a reader of others decodes them, with their times, s."""
+    with open(file, "rb") as opened:
+        read = make_reader(opened, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        found = {}
+        for _, channel, message, decoded in read:
+            found.setdefault(channel.topic, []).append((message.log_time / 1e9, channel.metadata, decoded))
+        return found
+
+
+def test_a_net_is_recorded_into_a_file_that_others_read(cell, programs, tmp_path):
+    file = tmp_path / "move.mcap"
+    motion = rcc.Arm("lwr").move(by=[0, 0, 0.02]).monitor("pose", "distance", "done", rate=100)
+    begun = time.time()
+    with cell.record(file, "move/*") as values:
+        cell.run(motion)
+    [(topic, rows)] = messages(file).items()
+    assert topic == "/nets/move" and len(rows) == len(values)
+    _, metadata, last = rows[-1]
+    assert metadata["net"] == "move" and metadata["name.motion_sequence_pose"] == "motion_sequence.pose"
+    assert numpy.array_equal(last.motion_sequence_pose, values.array("motion_sequence.pose")[-1])
+    distances = [row.motion_sequence_distance for _, _, row in rows]
+    assert distances == values.array("motion_sequence.distance").tolist()
+    assert last.motion_sequence_done is True and [row.cycle for *_, row in rows] == sorted({r.cycle for *_, r in rows})
+    times = [at for at, *_ in rows]
+    assert times == sorted(times) and begun - 1 < times[0] < time.time() + 1
+    told = subprocess.run([programs / "rcc-cli", "import", file], capture_output=True, text=True, check=True).stdout
+    assert "/nets/move" in told and str(len(rows)) in told
+    with pytest.raises(FileExistsError, match="name another file"), cell.record(file, "move/*"):
+        pass
+
+
+def test_null_is_nan_and_a_port_of_another_rate_has_a_topic_of_its_own(tmp_path):
+    recording = rcc.Recording()
+    recording.clock = Clock(100, 5_000_000_000, 1_000_000)
+    scalars = [("a.out", 1, [1, None]), ("b.out", 1, [True, False])]
+    for port, every, values in [*scalars, ("c.pose", 2, [None, [1.0, 2.0]])]:
+        cycles = [100 + every * index for index in range(2)]
+        recording.add(rcc.Batch("7-axis", 3, port, cycles, [0.0, 0.0], values))
+    assert recording.to_mcap(tmp_path / "a.mcap") == 4
+    found = messages(tmp_path / "a.mcap")
+    assert list(found) == ["/nets/n_7_axis", "/nets/n_7_axis_2"]
+    first, second = (row for *_, row in found["/nets/n_7_axis"])
+    assert (first.a_out, first.b_out, first.command) == (1.0, True, 3) and math.isnan(second.a_out)
+    slow = [row for *_, row in found["/nets/n_7_axis_2"]]
+    assert [at for at, *_ in found["/nets/n_7_axis_2"]] == [5.0, 5.002]
+    assert all(map(math.isnan, slow[0].c_pose)) and list(slow[1].c_pose) == [1.0, 2.0]

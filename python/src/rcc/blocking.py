@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractAsyncContextManager, contextmanager
+from pathlib import Path
 
 from ._generated import api
 from ._io import iterate, run
@@ -48,9 +49,9 @@ class Cell:
         """The newest events of the cell's log."""
         return run(self._inner.events(limit))
 
-    def record(self) -> str:
-        """Writes the last seconds of the flight recorder to a file, and returns its name."""
-        return run(self._inner.record())
+    def incident(self) -> str:
+        """Writes the last seconds of the flight recorder to a file of the cell, and returns its name."""
+        return run(self._inner.incident())
 
     def load(self, net: Text) -> Command:
         """LOAD: returns the command when it is ready; raises `NetRejected` with all faults."""
@@ -83,7 +84,10 @@ class Cell:
         return run(self._inner.switch(ended, begun, on_client_loss=on_client_loss))
 
     def watch(self, *ports: str, rate: float = 10.0) -> Iterator[Sample]:
-        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell)."""
+        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell).
+
+        A name also stands for commands that are loaded later: it goes on when a net ends. `Command.watch` ends with it.
+        """
         return iterate(self._inner.watch(*ports, rate=rate))
 
     def monitored(self, *ports: str) -> Iterator[Batch]:
@@ -97,15 +101,27 @@ class Cell:
         Without `rate` it has every value of the ports that a `Monitor` observes; these may belong to nets that are
         loaded later. With a rate, Hz (0.1 to the rate of the cell), it has samples of ports of loaded nets.
         """
-        inner = self._inner.recording(*ports, rate=rate)
-        recording = run(inner.__aenter__())
-        try:
-            yield recording
-        except BaseException as error:
-            if not run(inner.__aexit__(type(error), error, error.__traceback__)):
-                raise
-        else:
-            run(inner.__aexit__(None, None, None))
+        yield from _entered(self._inner.recording(*ports, rate=rate))
+
+    @contextmanager
+    def record(self, file: str | Path, *ports: str, rate: float | None = None) -> Iterator[Recording]:
+        """Records ports into a new MCAP file while the block runs: `with cell.record("line.mcap", "line/*"):`.
+
+        As `recording`; the file is written when the block ends, also by an error.
+        """
+        yield from _entered(self._inner.record(file, *ports, rate=rate))
+
+
+def _entered(inner: AbstractAsyncContextManager[Recording]) -> Iterator[Recording]:
+    """The same as a generator of a blocking context manager."""
+    recording = run(inner.__aenter__())
+    try:
+        yield recording
+    except BaseException as error:
+        if not run(inner.__aexit__(type(error), error, error.__traceback__)):
+            raise
+    else:
+        run(inner.__aexit__(None, None, None))
 
 
 class Command:
@@ -150,3 +166,10 @@ class Command:
     def values(self, *ports: str) -> Sample:
         """Values of ports (all without arguments) as of the last evaluation."""
         return run(self._inner.values(*ports))
+
+    def watch(self, *ports: str, rate: float = 10.0) -> Iterator[Sample]:
+        """Values of its ports such as ``move.distance`` (all without arguments), at a rate, Hz, until it has ended.
+
+        The last sample has its last values.
+        """
+        return iterate(self._inner.watch(*ports, rate=rate))

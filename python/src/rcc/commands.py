@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import AsyncIterator, Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal, Union, cast
 
 from . import _io, errors
 from ._generated import api
 from ._lease import UNKNOWN, Lease
+from ._mcap import Clock
 from .blocks import Action, Net, Value, constant
 from .streams import Batch, Recording, Sample
 
@@ -19,6 +22,8 @@ Text = Union[Net, Action, str, Mapping[str, Any]]
 LOST_AFTER_S = 1.0
 #: States of a command that has ended.
 ENDED = ("terminated", "rejected")
+#: State in a stream of a command that is there no more.
+GONE = "unloaded"
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ class Outcome:
 OnClientLoss = Literal["cancel", "go on"]
 #: Longest time between two questions about a command, s.
 ASK_EVERY_S = 0.05
+#: Time after which a command is asked about beside the stream that tells its changes, s.
+ASK_AGAIN_S = 1.0
 #: Code of a refusal because of too many requests: nets that end at once would open too many streams.
 TOO_MANY = "RCC4010"
 #: Time after a cycle within which its monitored values have arrived at the loader, s.
@@ -107,8 +114,8 @@ class AsyncCell:
         page = cast(api.EventPage, await self._ask("GET", "/events", params={"limit": limit}))
         return page["events"]
 
-    async def record(self) -> str:
-        """Writes the last seconds of the flight recorder to a file, and returns its name."""
+    async def incident(self) -> str:
+        """Writes the last seconds of the flight recorder to a file of the cell, and returns its name."""
         frozen = cast(api.Frozen, await self._ask("POST", "/incidents", timeout=60.0))
         return frozen["file"]
 
@@ -244,7 +251,10 @@ class AsyncCell:
         return self._lease.number
 
     async def watch(self, *ports: str, rate: float = 10.0) -> AsyncIterator[Sample]:
-        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell)."""
+        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell).
+
+        A name also stands for commands that are loaded later: it goes on when a net ends. `Command.watch` ends with it.
+        """
         lost = 0
         async for piece in self._pieces({"ports": ",".join(ports), "rate": rate}):
             lost += piece.lost
@@ -272,6 +282,8 @@ class AsyncCell:
         if rate is not None:
             params = {"ports": ",".join(ports), "rate": rate}
         recording, seen = Recording(), Progress()
+        executor = (await self.status())["executor"]
+        recording.clock = Clock(executor["cycle"], time.time_ns(), executor["period_ns"])
 
         async def follow(io: _io.Io, opened: Callable[[], None]) -> None:
             async for piece in AsyncCell(self._address, io)._pieces(params, opened):
@@ -286,6 +298,24 @@ class AsyncCell:
                 await self._await_cycle(seen, background)
         finally:
             await background.stop()
+
+    @asynccontextmanager
+    async def record(
+        self, file: str | Path, *ports: str, rate: float | None = None
+    ) -> AsyncIterator[Recording]:
+        """Records ports into a new MCAP file while the block runs: `async with cell.record("line.mcap", "line/*"):`.
+
+        As `recording`; the file is written when the block ends, also by an error.
+        """
+        if Path(file).exists():
+            raise FileExistsError(f"{file} exists and is kept: name another file")
+        recording: Recording | None = None
+        try:
+            async with self.recording(*ports, rate=rate) as recording:
+                yield recording
+        finally:
+            if recording is not None:
+                recording.to_mcap(file)
 
     async def _await_cycle(self, seen: Progress, background: _io.Background) -> None:
         """Waits until the values of all cycles before now have been received."""
@@ -320,6 +350,8 @@ class AsyncCell:
                     event = line[7:]
                 elif line.startswith("data: "):
                     yield event, json.loads(line[6:])
+                elif line.startswith(":"):
+                    yield "", {}  # Nothing to tell for some seconds.
 
 
 class AsyncCommand:
@@ -395,16 +427,33 @@ class AsyncCommand:
         values = {value["port"]: cast(Any, value)["value"] for value in cast(Any, view["values"])}
         return Sample(view["net"], view["id"], view["cycle"], view["time_s"], values)
 
+    async def watch(self, *ports: str, rate: float = 10.0) -> AsyncIterator[Sample]:
+        """Values of its ports such as ``move.distance`` (all without arguments), at a rate, Hz, until it has ended.
+
+        The last sample has its last values.
+        """
+        named = [f"#{self.id}/{port}" for port in ports or ("*",)]
+        async with aclosing(cast(Any, self._cell.watch(*named, rate=rate))) as samples:
+            async for sample in samples:
+                yield sample
+
     async def _until(self, holds: Any, timeout: float | None = None) -> api.CommandView:
         async def follow() -> api.CommandView:
             view = await self.state()
             if holds(view["state"]):
                 return view
-            # The stream begins with the state of now: nothing is missed in between.
+            # The stream begins with the state of now: nothing is missed in between, but that it is unloaded then.
+            asked = time.monotonic()
             async with aclosing(self._cell._stream({"states": "true"})) as stream:
                 async for event, data in stream:
-                    if event == "state" and data["id"] == self.id and holds(data["state"]):
-                        return await self.state()
+                    is_own = event == "state" and data["id"] == self.id
+                    if (is_own and (holds(data["state"]) or data["state"] == GONE)) or (
+                        not is_own and time.monotonic() - asked > ASK_AGAIN_S
+                    ):
+                        # Raises that it is not there, if somebody unloaded it.
+                        view, asked = await self.state(), time.monotonic()
+                        if holds(view["state"]):
+                            return view
             raise errors.RccError("", "the cell ended its stream of states", "look at `rcc-cli status`")
 
         async def follow_patiently() -> api.CommandView:

@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from . import errors
+from . import _mcap, errors
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ class Batch:
 
 @dataclass
 class _Series:
+    commands: list[int] = field(default_factory=list)
     cycles: list[int] = field(default_factory=list)
     time_s: list[float] = field(default_factory=list)
     values: list[Any] = field(default_factory=list)
@@ -65,6 +66,8 @@ class Recording:
         """Empty."""
         #: Number of samples or records that were lost.
         self.lost = 0
+        #: Makes times of the wall clock of cycles; set by the cell that is recorded.
+        self.clock: _mcap.Clock | None = None
         self._series: dict[str, _Series] = {}
 
     def add(self, piece: Sample | Batch) -> None:
@@ -72,12 +75,14 @@ class Recording:
         self.lost += piece.lost
         if isinstance(piece, Batch):
             series = self._series.setdefault(f"{piece.net}/{piece.port}", _Series())
+            series.commands += [piece.id] * len(piece.cycles)
             series.cycles += piece.cycles
             series.time_s += piece.time_s
             series.values += piece.values
             return
         for port, value in piece.values.items():
             series = self._series.setdefault(f"{piece.net}/{port}", _Series())
+            series.commands.append(piece.id)
             series.cycles.append(piece.cycle)
             series.time_s.append(piece.time_s)
             series.values.append(value)
@@ -143,6 +148,20 @@ class Recording:
             writer = csv.writer(out)
             writer.writerow(names)
             writer.writerows(rows)
+
+    def to_mcap(self, file: str | Path) -> int:
+        """Writes all values to a new MCAP file, as `rcc-cli record` does; returns the number of messages.
+
+        Null is NaN. The times are those of this machine's clock as it was when the recording began.
+        """
+        if self.clock is None:
+            raise errors.RccError("", "the recording has no clock", "take one that `cell.recording` made")
+        nets: dict[str, list[_mcap.Column]] = {}
+        for name, series in self._series.items():
+            net, port = name.split("/", 1)
+            keys = zip(series.commands, series.cycles, strict=True)
+            nets.setdefault(net, []).append(_mcap.Column(port, dict(zip(keys, series.values, strict=True))))
+        return _mcap.write(file, nets, self.clock)
 
     def plot(self, *ports: str) -> Any:
         """Draws ports over time with matplotlib; returns the axes."""
