@@ -3,6 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::text_reader::{TextReader, Unexpected};
+
 /// Deepest nesting of parentheses and negations.
 const DEPTH_MAX: usize = 32;
 
@@ -34,18 +36,24 @@ pub struct ConditionError {
     at: usize,
 }
 
+impl From<Unexpected> for ConditionError {
+    fn from(Unexpected { wanted, at }: Unexpected) -> ConditionError {
+        ConditionError { wanted, at }
+    }
+}
+
 impl Condition {
     /// Parses a condition.
     ///
     /// # Errors
     /// Returns the first position at which the text is not a condition.
     pub fn parse(text: &str) -> Result<Condition, ConditionError> {
-        let mut reader = ConditionReader { text, at: 0 };
+        let mut reader = TextReader::new(text);
         let condition = reader.any(0)?;
         reader.blanks();
         match reader.peek() {
             None => Ok(condition),
-            Some(_) => Err(reader.wanted("`&`, `|` or the end")),
+            Some(_) => Err(reader.wanted("`&`, `|` or the end").into()),
         }
     }
 
@@ -87,37 +95,9 @@ fn combine(
     (!values.contains(&None)).then_some(!decisive)
 }
 
-struct ConditionReader<'t> {
-    text: &'t str,
-    at: usize,
-}
-
-impl ConditionReader<'_> {
-    fn peek(&self) -> Option<u8> {
-        self.text.as_bytes().get(self.at).copied()
-    }
-
-    fn wanted(&self, wanted: &'static str) -> ConditionError {
-        ConditionError {
-            wanted,
-            at: self.at,
-        }
-    }
-
-    fn blanks(&mut self) {
-        while self.peek().is_some_and(|byte| byte.is_ascii_whitespace()) {
-            self.at += 1;
-        }
-    }
-
-    fn take(&mut self, byte: u8) -> bool {
-        self.blanks();
-        let is_there = self.peek() == Some(byte);
-        self.at += usize::from(is_there);
-        is_there
-    }
-
-    fn any(&mut self, depth: usize) -> Result<Condition, ConditionError> {
+/// The grammar: `any` of `all` of `one`.
+impl TextReader<'_> {
+    fn any(&mut self, depth: usize) -> Result<Condition, Unexpected> {
         let mut parts = vec![self.all(depth)?];
         while self.take(b'|') {
             parts.push(self.all(depth)?);
@@ -125,7 +105,7 @@ impl ConditionReader<'_> {
         Ok(only(parts, Condition::Any))
     }
 
-    fn all(&mut self, depth: usize) -> Result<Condition, ConditionError> {
+    fn all(&mut self, depth: usize) -> Result<Condition, Unexpected> {
         let mut parts = vec![self.one(depth)?];
         while self.take(b'&') {
             parts.push(self.one(depth)?);
@@ -133,7 +113,7 @@ impl ConditionReader<'_> {
         Ok(only(parts, Condition::All))
     }
 
-    fn one(&mut self, depth: usize) -> Result<Condition, ConditionError> {
+    fn one(&mut self, depth: usize) -> Result<Condition, Unexpected> {
         if depth > DEPTH_MAX {
             return Err(self.wanted("a condition that is nested less deeply"));
         }
@@ -142,10 +122,8 @@ impl ConditionReader<'_> {
         }
         if self.take(b'(') {
             let inner = self.any(depth + 1)?;
-            return match self.take(b')') {
-                true => Ok(inner),
-                false => Err(self.wanted("`)`")),
-            };
+            self.expect(b')', "`)`")?;
+            return Ok(inner);
         }
         let net = self.name("`t` or a net")?;
         match self.take(b'.') {
@@ -158,18 +136,12 @@ impl ConditionReader<'_> {
         }
     }
 
-    fn name(&mut self, wanted: &'static str) -> Result<String, ConditionError> {
+    fn name(&mut self, wanted: &'static str) -> Result<String, Unexpected> {
         self.blanks();
-        let begin = self.at;
-        while self
-            .peek()
-            .is_some_and(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b':')
-        {
-            self.at += 1;
-        }
-        match self.text.get(begin..self.at) {
-            Some(name) if !name.is_empty() => Ok(name.to_owned()),
-            _ => Err(self.wanted(wanted)),
+        let is_part = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b':';
+        match self.while_byte(is_part) {
+            "" => Err(self.wanted(wanted)),
+            name => Ok(name.to_owned()),
         }
     }
 }

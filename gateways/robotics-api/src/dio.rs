@@ -3,6 +3,8 @@
 
 use std::fmt::{self, Write as _};
 
+use crate::text_reader::{TextReader, Unexpected};
+
 /// Deepest nesting of lists and maps in a message.
 const DEPTH_MAX: usize = 16;
 
@@ -87,12 +89,18 @@ pub struct DioError {
     pub at: usize,
 }
 
+impl From<Unexpected> for DioError {
+    fn from(Unexpected { wanted, at }: Unexpected) -> DioError {
+        DioError { wanted, at }
+    }
+}
+
 /// Parses a message.
 ///
 /// # Errors
 /// Returns the first position at which the text is not a message.
 pub fn parse(text: &str) -> Result<DioMessage, DioError> {
-    let mut reader = DioReader { text, at: 0 };
+    let mut reader = TextReader::new(text);
     let tag = reader.identifier("a tag")?;
     reader.expect(b'=', "`=`")?;
     let command = reader.identifier("a command")?;
@@ -105,56 +113,13 @@ pub fn parse(text: &str) -> Result<DioMessage, DioError> {
             command,
             values,
         }),
-        Some(_) => Err(reader.wanted("the end of the message")),
+        Some(_) => Err(reader.wanted("the end of the message").into()),
     }
 }
 
-struct DioReader<'t> {
-    text: &'t str,
-    at: usize,
-}
-
-impl DioReader<'_> {
-    fn peek(&self) -> Option<u8> {
-        self.text.as_bytes().get(self.at).copied()
-    }
-
-    fn wanted(&self, wanted: &'static str) -> DioError {
-        DioError {
-            wanted,
-            at: self.at,
-        }
-    }
-
-    fn blanks(&mut self) {
-        while self.peek().is_some_and(|byte| byte.is_ascii_whitespace()) {
-            self.at += 1;
-        }
-    }
-
-    fn take(&mut self, byte: u8) -> bool {
-        self.blanks();
-        let is_there = self.peek() == Some(byte);
-        self.at += usize::from(is_there);
-        is_there
-    }
-
-    fn expect(&mut self, byte: u8, wanted: &'static str) -> Result<(), DioError> {
-        match self.take(byte) {
-            true => Ok(()),
-            false => Err(self.wanted(wanted)),
-        }
-    }
-
-    fn while_byte(&mut self, holds: impl Fn(u8) -> bool) -> &str {
-        let begin = self.at;
-        while self.peek().is_some_and(&holds) {
-            self.at += 1;
-        }
-        self.text.get(begin..self.at).unwrap_or_default()
-    }
-
-    fn identifier(&mut self, wanted: &'static str) -> Result<String, DioError> {
+/// The grammar.
+impl TextReader<'_> {
+    fn identifier(&mut self, wanted: &'static str) -> Result<String, Unexpected> {
         self.blanks();
         if !self.peek().is_some_and(begins_identifier) {
             return Err(self.wanted(wanted));
@@ -167,8 +132,8 @@ impl DioReader<'_> {
         &mut self,
         end: u8,
         wanted: &'static str,
-        mut one: impl FnMut(&mut Self) -> Result<T, DioError>,
-    ) -> Result<Vec<T>, DioError> {
+        mut one: impl FnMut(&mut Self) -> Result<T, Unexpected>,
+    ) -> Result<Vec<T>, Unexpected> {
         let mut all = Vec::new();
         if self.take(end) {
             return Ok(all);
@@ -182,7 +147,7 @@ impl DioReader<'_> {
         }
     }
 
-    fn value(&mut self, depth: usize) -> Result<DioValue, DioError> {
+    fn value(&mut self, depth: usize) -> Result<DioValue, Unexpected> {
         self.blanks();
         match self.peek() {
             Some(b'[' | b'{') if depth >= DEPTH_MAX => {
@@ -214,7 +179,7 @@ impl DioReader<'_> {
         }
     }
 
-    fn number(&mut self) -> Result<DioValue, DioError> {
+    fn number(&mut self) -> Result<DioValue, Unexpected> {
         let refused = self.wanted("a value");
         let text = self.while_byte(|byte| byte.is_ascii_digit() || byte == b'.');
         let parsed = match text.contains('.') {
@@ -225,7 +190,7 @@ impl DioReader<'_> {
     }
 
     /// Reads a text behind its first quote.
-    fn rest_of_text(&mut self) -> Result<String, DioError> {
+    fn rest_of_text(&mut self) -> Result<String, Unexpected> {
         let mut text = String::new();
         let rest = self.text.get(self.at..).unwrap_or_default();
         let mut characters = rest.char_indices();

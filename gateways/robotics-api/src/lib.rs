@@ -20,5 +20,6 @@ pub mod pushes;
 pub mod requests;
 pub mod server;
 pub mod state;
+mod text_reader;
 pub mod values;
 pub mod websocket;
