@@ -2,6 +2,7 @@
 //! main thread, with which the child ends.
 
 use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use nix::sys::signal::{Signal, kill};
@@ -21,6 +22,12 @@ pub struct DashboardArguments {
     /// Refuse START on the pages; CANCEL and ABORT are always possible
     #[arg(long)]
     pub no_start: bool,
+    /// File with the token of whoever reads /metrics; only its owner may read it
+    #[arg(long, value_name = "FILE")]
+    pub metrics_token: Option<PathBuf>,
+    /// Let every program of this machine read /metrics without a token
+    #[arg(long, conflicts_with = "metrics_token")]
+    pub metrics_open: bool,
 }
 
 /// A running dashboard; it ends when this is dropped.
@@ -44,6 +51,12 @@ impl DashboardArguments {
         }
         if self.no_start {
             command.arg("--no-start");
+        }
+        if let Some(file) = &self.metrics_token {
+            command.arg("--metrics-token").arg(file);
+        }
+        if self.metrics_open {
+            command.arg("--metrics-open");
         }
         Ok(command)
     }

@@ -67,6 +67,29 @@ impl Histogram {
         self.max
     }
 
+    /// Returns the sum of all times, ns.
+    #[must_use]
+    pub fn sum(&self) -> u64 {
+        self.sum
+    }
+
+    /// Adds all times of another histogram.
+    pub fn merge(&mut self, other: &Histogram) {
+        if other.count == 0 {
+            return;
+        }
+        for (bucket, count) in self.buckets.iter_mut().zip(&other.buckets) {
+            *bucket += count;
+        }
+        self.min = match self.count {
+            0 => other.min,
+            _ => self.min.min(other.min),
+        };
+        self.count += other.count;
+        self.max = self.max.max(other.max);
+        self.sum = self.sum.saturating_add(other.sum);
+    }
+
     /// Returns the mean, ns; 0 if empty.
     #[must_use]
     pub fn mean(&self) -> u64 {
@@ -163,6 +186,30 @@ mod tests {
         assert_eq!(histogram.quantile(1000), 1_000_000);
         assert!(histogram.quantile(999) >= 999_000);
         assert_eq!(histogram.mean(), 500_500);
+    }
+
+    #[test]
+    fn merged_histograms_have_all_times_of_both() {
+        let (mut all, mut one, mut other) = (
+            Histogram::default(),
+            Histogram::default(),
+            Histogram::default(),
+        );
+        for ns in [70, 5_000, 900_000] {
+            all.add(ns);
+            one.add(ns);
+        }
+        for ns in [10, 5_000, u64::MAX / 4] {
+            all.add(ns);
+            other.add(ns);
+        }
+        one.merge(&other);
+        one.merge(&Histogram::default());
+        assert_eq!(bytemuck::bytes_of(&one), bytemuck::bytes_of(&all));
+        let mut empty = Histogram::default();
+        empty.merge(&all);
+        assert_eq!(bytemuck::bytes_of(&empty), bytemuck::bytes_of(&all));
+        assert_eq!(all.sum(), 70 + 5_000 + 900_000 + 10 + 5_000 + u64::MAX / 4);
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub const COMMANDS_MAX: usize = 64;
 /// Maximum number of elements of a monitored value.
 pub const MONITOR_WIDTH_MAX: usize = 16;
 /// Identifies this record layout; change it with the layout.
-pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v005");
+pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v006");
 
 /// A joint vector; elements past the device's joints are 0.
 pub type Joints = [f64; JOINTS_MAX];
@@ -558,6 +558,10 @@ pub struct CycleStatus {
     pub late: u64,
     /// Number of those that were acknowledged.
     pub late_acknowledged: u64,
+    /// Number of late cycles since the start whose cause is [`crate::timing::LateCause::WokenLate`].
+    pub late_woken: u64,
+    /// Number of late cycles since the start whose cause is [`crate::timing::LateCause::ComputedLong`].
+    pub late_computed: u64,
     /// First late cycle since the last acknowledgement (latched).
     pub first_late: LateCycle,
     /// Last late cycle since the last acknowledgement (latched).
@@ -574,6 +578,8 @@ pub struct CycleStatus {
     pub skipped_periods: u64,
     /// Number of records that did not fit into the ring to the pump thread.
     pub dropped_records: u64,
+    /// Number of recordings that the flight recorder handed over to be written, since the start.
+    pub incidents: u64,
     /// Number of commands running.
     pub running: u32,
     /// Bit 0 SCHED_FIFO, bit 1 memory locked, bit 2 pinned to a core.

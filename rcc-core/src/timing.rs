@@ -121,6 +121,10 @@ pub struct CycleTiming {
     pub exec: Histogram,
     /// Time from one wake-up to the next.
     pub length: Histogram,
+    /// Wake-up latencies from the start to the last acknowledgement.
+    pub wake_acknowledged: Histogram,
+    /// Computation times from the start to the last acknowledgement.
+    pub exec_acknowledged: Histogram,
     /// Cost by index in the catalogue.
     pub primitives: [PrimitiveTime; PRIMITIVE_ROWS],
 }

@@ -55,6 +55,12 @@ enum Verb {
         /// Refuse START; CANCEL and ABORT are always possible.
         #[arg(long)]
         no_start: bool,
+        /// File with the token of whoever reads /metrics; only its owner may read it.
+        #[arg(long, value_name = "FILE")]
+        metrics_token: Option<PathBuf>,
+        /// Let every program of this machine read /metrics without a token.
+        #[arg(long, conflicts_with = "metrics_token")]
+        metrics_open: bool,
         /// End with the process that started this one.
         #[arg(long)]
         parent_death: bool,
@@ -123,6 +129,8 @@ fn main() -> ExitCode {
         Verb::Serve {
             port,
             no_start,
+            metrics_token,
+            metrics_open,
             parent_death,
         } => {
             if parent_death && let Err(error) = rcc_process::signals::end_with_parent() {
@@ -133,6 +141,8 @@ fn main() -> ExitCode {
                 cell: arguments.cell,
                 port,
                 may_start: !no_start,
+                metrics_token,
+                metrics_open,
             };
             concluded(serve(&options, &mut signals, &mut io::stdout()))
         }

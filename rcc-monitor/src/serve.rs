@@ -4,13 +4,13 @@
 
 use std::io::{self, Write};
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use rcc_api::bodies::ErrorBody;
-use rcc_api::token::Token;
+use rcc_api::token::{Token, TokenError};
 use rcc_config::CellConfig;
 use rcc_language::structure::NetStructure;
 use serde_json::{Value, json};
@@ -22,6 +22,7 @@ use self::arms::{ArmModel, Arms};
 use self::drawings::Drawings;
 use self::hub::{Hub, Update, locked};
 use self::loader::LoaderPeer;
+use self::metrics::ScrapeState;
 use crate::signals::Signals;
 
 mod access;
@@ -32,6 +33,7 @@ mod drawings;
 mod hub;
 mod incidents;
 mod loader;
+mod metrics;
 mod poll;
 mod records;
 mod routes;
@@ -55,6 +57,10 @@ pub struct ServeOptions {
     pub port: Option<u16>,
     /// Pages may start nets, after a confirmation.
     pub may_start: bool,
+    /// File with the token of whoever reads `/metrics`.
+    pub metrics_token: Option<PathBuf>,
+    /// `/metrics` needs no token.
+    pub metrics_open: bool,
 }
 
 /// The reason why nothing is served.
@@ -63,6 +69,9 @@ pub enum ServeError {
     /// The port is in use, or the system refuses it.
     #[error("cannot listen on {0}: {1}; choose another port with --port")]
     Listen(SocketAddr, io::Error),
+    /// The token for `/metrics` cannot be used.
+    #[error("--metrics-token: {0}")]
+    Token(#[from] TokenError),
     /// The system refuses random bits, an event queue or a thread.
     #[error("cannot start: {0}")]
     System(#[from] io::Error),
@@ -80,6 +89,7 @@ struct Server {
     configuration: Mutex<Option<(String, Arc<CellConfig>)>>,
     compiling: Semaphore,
     replays: Semaphore,
+    scrapes: ScrapeState,
 }
 
 /// Serves until a signal arrives, and returns its number. The address, with the token, is printed as one line.
@@ -112,9 +122,14 @@ async fn run(
     signals: &mut Signals,
     out: &mut impl Write,
 ) -> Result<i32, ServeError> {
+    let scraper = match &options.metrics_token {
+        Some(path) => Some(Token::read(path)?),
+        None => None,
+    };
     let listener = listen(options.port).await?;
     let port = listener.local_addr()?.port();
-    let access = Arc::new(Access::new(Token::random()?, port));
+    let access = Access::new(Token::random()?, port).for_scrapers(scraper, options.metrics_open);
+    let access = Arc::new(access);
     let server = Arc::new(Server {
         cell: options.cell.clone(),
         may_start: options.may_start,
@@ -124,6 +139,7 @@ async fn run(
         configuration: Mutex::default(),
         compiling: Semaphore::new(1),
         replays: Semaphore::new(1),
+        scrapes: ScrapeState::default(),
     });
     tokio::spawn(poll::run(Arc::clone(&server)));
     tokio::spawn(sampling::run(Arc::clone(&server)));

@@ -26,6 +26,7 @@ mod impedance;
 mod incidents;
 mod life;
 mod memory;
+mod metrics;
 mod outcomes;
 mod output;
 mod plans;

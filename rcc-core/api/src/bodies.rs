@@ -489,6 +489,12 @@ pub struct TimingView {
     pub exec: HistogramView,
     /// Time from one wake-up to the next.
     pub length: HistogramView,
+    /// Delay of the wake-up after the deadline, since the start of the executor: not reset by an acknowledgement.
+    #[serde(default)]
+    pub wake_since_start: TotalView,
+    /// Time from the wake-up until everything is written, since the start of the executor.
+    #[serde(default)]
+    pub exec_since_start: TotalView,
     /// Types of primitives that ran, the most expensive first.
     pub primitives: Vec<PrimitiveTimeView>,
 }
@@ -510,6 +516,18 @@ pub struct HistogramView {
     pub p999_ns: u64,
     /// Maximum, ns.
     pub max_ns: u64,
+    /// The buckets that are not empty.
+    pub buckets: Vec<BucketView>,
+}
+
+/// A distribution of times that only grows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default)]
+pub struct TotalView {
+    /// Number of samples.
+    pub count: u64,
+    /// Their sum, ns.
+    pub sum_ns: u64,
     /// The buckets that are not empty.
     pub buckets: Vec<BucketView>,
 }
@@ -557,6 +575,12 @@ pub struct ExecutorView {
     /// Number of those that were acknowledged.
     #[serde(default)]
     pub late_acknowledged: u64,
+    /// Number of late cycles since its start that woke late: the machine was busy, or did not run at all.
+    #[serde(default)]
+    pub late_woken: u64,
+    /// Number of late cycles since its start that computed too long.
+    #[serde(default)]
+    pub late_computed: u64,
     /// First late cycle since the last acknowledgement.
     #[serde(default)]
     pub first_late: Option<LateView>,
@@ -579,6 +603,9 @@ pub struct ExecutorView {
     pub skipped_periods: u64,
     /// Monitor records lost before they left the executor.
     pub dropped_records: u64,
+    /// Number of recordings that the flight recorder handed over to be written to incident files, since its start.
+    #[serde(default)]
+    pub incidents: u64,
     /// Number of running commands.
     pub running: u32,
     /// SCHED_FIFO was granted.

@@ -135,6 +135,7 @@ pub struct FlightRecorder {
     /// The ring is new: all devices are written in the next cycle.
     ring_is_new: bool,
     pending: Option<PendingTrigger>,
+    handed_over: u64,
 }
 
 impl FlightRecorder {
@@ -175,6 +176,7 @@ impl FlightRecorder {
             snapshot_taken: false,
             ring_is_new: true,
             pending: None,
+            handed_over: 0,
         };
         (recorder, FlightRecorderHelper { recordings, spare })
     }
@@ -377,6 +379,11 @@ impl FlightRecorder {
         }
     }
 
+    /// Returns the number of recordings that were handed over.
+    pub fn handed_over(&self) -> u64 {
+        self.handed_over
+    }
+
     /// Hands over a frozen recording if there is one and a spare ring; otherwise it waits for one.
     pub fn hand_over(&mut self) {
         // Check everything before moving anything: a ring that does not fit could only be freed here.
@@ -396,6 +403,7 @@ impl FlightRecorder {
             // Unreachable: there was room.
             self.spare = Some(recording.ring);
         }
+        self.handed_over += 1;
         self.earliest_cycle = self.cycle + self.hold_off_cycles;
         (self.due, self.round_at, self.ring_is_new) = (RowSet::ALL, 0, true);
     }

@@ -69,6 +69,7 @@ fn first_and_last_late_cycle_are_latched_with_cause_and_most_expensive_net() {
     assert_eq!(status.last_late.cycle, first_cycle + 5);
     assert_eq!(status.last_late.cause, LateCause::WokenLate as u32);
     assert_eq!(status.last_late.skipped_periods, 2);
+    assert_eq!((status.late_woken, status.late_computed), (1, 1));
 }
 
 #[test]
@@ -103,7 +104,12 @@ fn an_acknowledgement_resets_the_counts_and_is_logged() {
         "the whole count stays"
     );
     assert_eq!((status.first_late.cycle, status.last_late.cycle), (0, 0));
+    assert_eq!((status.late_woken, status.late_computed), (0, 2));
     let timing = fixture.engine.timing();
+    assert_eq!(timing.exec_acknowledged.max(), 2_000_000);
+    assert!(
+        timing.exec_acknowledged.sum() >= 4_000_000 && timing.wake_acknowledged.sum() >= 10_000
+    );
     assert_eq!(timing.acknowledged_cycle, status.cycle);
     assert!(timing.exec.max() < 2_000_000 && timing.exec.count() <= 1);
     let told = std::iter::from_fn(|| fixture.ends.events.pop().ok())

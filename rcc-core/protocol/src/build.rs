@@ -133,9 +133,9 @@ mod tests {
     #[test]
     fn the_fingerprint_is_fnv_and_sees_each_number_and_their_order() {
         // FNV-1a over the same bytes.
-        let text = u64::from_le_bytes(*b"rcc-v005");
+        let text = u64::from_le_bytes(*b"rcc-v006");
         let mut expected = 0xcbf2_9ce4_8422_2325_u64;
-        for byte in b"rcc-v005" {
+        for byte in b"rcc-v006" {
             expected = (expected ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
         }
         assert_eq!(fingerprint(&[text]), expected);

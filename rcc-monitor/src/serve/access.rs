@@ -23,6 +23,9 @@ pub struct Access {
     /// Values of `host` that mean this server.
     hosts: [String; 2],
     cookie: String,
+    /// Token for `/metrics`, which opens nothing else.
+    scraper: Option<Token>,
+    metrics_open: bool,
 }
 
 /// The reason why a request is refused.
@@ -36,6 +39,10 @@ pub enum Refusal {
     NoToken,
     /// Another token.
     WrongToken,
+    /// No token for `/metrics`.
+    NoScraperToken,
+    /// Another token than that for `/metrics`.
+    WrongScraperToken,
 }
 
 impl Refusal {
@@ -52,6 +59,15 @@ impl Refusal {
             Refusal::NoToken => (
                 StatusCode::UNAUTHORIZED,
                 "no token: open the address that the server printed (`rcc-cli serve`), which contains it",
+            ),
+            Refusal::NoScraperToken => (
+                StatusCode::UNAUTHORIZED,
+                "no token: give this server a file with `--metrics-token FILE` and the scraper the same file \
+                 (`authorization: {credentials_file: FILE}`), or allow every program of this machine with `--metrics-open`",
+            ),
+            Refusal::WrongScraperToken => (
+                StatusCode::FORBIDDEN,
+                "wrong token: the scraper needs the one of the file after `--metrics-token`",
             ),
             Refusal::WrongToken => (
                 StatusCode::FORBIDDEN,
@@ -86,7 +102,16 @@ impl Access {
             hosts: ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}")),
             // Cookies do not know ports: dashboards of several cells must not overwrite each other's.
             cookie: format!("rcc-dashboard-{port}"),
+            scraper: None,
+            metrics_open: false,
         }
+    }
+
+    /// Admits scrapers to `/metrics`: with this token, or without any.
+    #[must_use]
+    pub fn for_scrapers(mut self, token: Option<Token>, open: bool) -> Access {
+        (self.scraper, self.metrics_open) = (token, open);
+        self
     }
 
     /// Returns the address of the page, with the token.
@@ -114,6 +139,21 @@ impl Access {
             Some(origin) if origin.as_bytes() == format!("http://{host}").as_bytes() => {}
             _ => return Err(Refusal::Origin),
         }
+        let is_scrape = uri.path() == "/metrics" && reads;
+        if is_scrape && self.metrics_open {
+            return Ok(Admission::Handler);
+        }
+        if let (true, Some(given)) = (is_scrape, headers.get(header::AUTHORIZATION)) {
+            let given = given
+                .as_bytes()
+                .strip_prefix(b"Bearer ")
+                .unwrap_or_default();
+            let own = self.scraper.as_ref();
+            return match own.is_some_and(|token| token.is(given)) {
+                true => Ok(Admission::Handler),
+                false => Err(Refusal::WrongScraperToken),
+            };
+        }
         let given = uri.query().and_then(|query| query.strip_prefix("token="));
         if let ("/", true, Some(given)) = (uri.path(), reads, given) {
             return match self.token.is(given.as_bytes()) {
@@ -129,6 +169,7 @@ impl Access {
         let mut pairs = cookies.flat_map(|value| value.split(';')).map(str::trim);
         let own = pairs.find_map(|pair| pair.strip_prefix(&self.cookie)?.strip_prefix('='));
         match own {
+            None if is_scrape => Err(Refusal::NoScraperToken),
             None => Err(Refusal::NoToken),
             Some(given) if self.token.is(given.as_bytes()) => Ok(Admission::Handler),
             Some(_) => Err(Refusal::WrongToken),
@@ -255,6 +296,67 @@ mod tests {
         }
         let none = checked(&access, Method::GET, "/", &[("cookie", &cookie)]);
         assert_eq!(none, Err(Refusal::Host));
+    }
+
+    #[test]
+    fn a_scraper_reads_metrics_and_nothing_else() {
+        let (access, token) = access();
+        let scraper = Token::random().expect("random bits");
+        let bearer = format!("Bearer {}", scraper.reveal());
+        let host = ("host", "127.0.0.1:7426");
+        let get = |access: &Access, path: &str, lines: &[(&'static str, &str)]| {
+            let lines = [&[host][..], lines].concat();
+            checked(access, Method::GET, path, &lines)
+        };
+        let own = format!("{COOKIE}={token}");
+        assert_eq!(get(&access, "/metrics", &[]), Err(Refusal::NoScraperToken));
+        assert_eq!(
+            get(&access, "/metrics", &[("cookie", &own)]),
+            Ok(Admission::Handler)
+        );
+        let authorized = [("authorization", &*bearer)];
+        assert_eq!(
+            get(&access, "/metrics", &authorized),
+            Err(Refusal::WrongScraperToken)
+        );
+        let access = access.for_scrapers(Some(scraper), false);
+        assert_eq!(
+            get(&access, "/metrics", &authorized),
+            Ok(Admission::Handler)
+        );
+        assert_eq!(get(&access, "/metrics", &[]), Err(Refusal::NoScraperToken));
+        for wrong in [
+            "Bearer ",
+            &format!("{bearer}0"),
+            "Basic x",
+            &format!("Bearer {token}"),
+        ] {
+            let lines = [("authorization", wrong)];
+            assert_eq!(
+                get(&access, "/metrics", &lines),
+                Err(Refusal::WrongScraperToken)
+            );
+        }
+        assert_eq!(get(&access, "/", &authorized), Err(Refusal::NoToken));
+        assert_eq!(
+            get(&access, "/api/stream", &authorized),
+            Err(Refusal::NoToken)
+        );
+        let access = access.for_scrapers(None, true);
+        assert_eq!(get(&access, "/metrics", &[]), Ok(Admission::Handler));
+        assert_eq!(get(&access, "/api/timing", &[]), Err(Refusal::NoToken));
+        // Rebinding and other pages stay outside.
+        let foreign = checked(
+            &access,
+            Method::GET,
+            "/metrics",
+            &[("host", "evil.example:7426")],
+        );
+        assert_eq!(foreign, Err(Refusal::Host));
+        let page = [("origin", "http://evil.example")];
+        assert_eq!(get(&access, "/metrics", &page), Err(Refusal::Origin));
+        let post = checked(&access, Method::POST, "/metrics", &[host]);
+        assert_eq!(post, Err(Refusal::Origin));
     }
 
     #[test]

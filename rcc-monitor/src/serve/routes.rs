@@ -22,7 +22,7 @@ use tokio::sync::Semaphore;
 use super::Server;
 use super::access::{Access, guard};
 use super::hub::{PORTS_MAX, RATE_MAX, VIEWERS_MAX, Watch};
-use super::{assets, drawings, incidents, viewer};
+use super::{assets, drawings, incidents, metrics, viewer};
 
 /// Maximum size of a request's body, bytes.
 const BODY_MAX: usize = 16 << 10;
@@ -62,6 +62,7 @@ pub fn router(server: Arc<Server>, access: Arc<Access>) -> Router {
     Router::new()
         .route("/", get(assets::index))
         .route("/assets/{*path}", get(assets::file))
+        .route("/metrics", get(metrics::answer))
         .route("/api/stream", get(stream))
         .route("/api/viewers/{viewer}/watch", post(watch))
         .route("/api/cancel", post(cancel_all))

@@ -302,11 +302,17 @@ class ExecutorView(TypedDict):
     """`RT: granted (…)` or `RT: degraded, because …`."""
     incarnation: str
     """Incarnation of the process, 16 hexadecimal digits."""
+    incidents: NotRequired[int]
+    """Number of recordings that the flight recorder handed over to be written to incident files, since its start."""
     last_late: NotRequired[LateView | None]
     late: int
     """Number of late cycles since its start."""
     late_acknowledged: NotRequired[int]
     """Number of those that were acknowledged."""
+    late_computed: NotRequired[int]
+    """Number of late cycles since its start that computed too long."""
+    late_woken: NotRequired[int]
+    """Number of late cycles since its start that woke late: the machine was busy, or did not run at all."""
     locked: bool
     """Memory is locked."""
     period_ns: int
@@ -912,6 +918,8 @@ class TimingView(TypedDict):
     """Executor cycle in which this was written."""
     exec: HistogramView
     """Time from the wake-up until everything is written."""
+    exec_since_start: NotRequired[TotalView]
+    """Time from the wake-up until everything is written, since the start of the executor."""
     length: HistogramView
     """Time from one wake-up to the next."""
     period_ns: int
@@ -920,6 +928,8 @@ class TimingView(TypedDict):
     """Types of primitives that ran, the most expensive first."""
     wake: HistogramView
     """Delay of the wake-up after the deadline."""
+    wake_since_start: NotRequired[TotalView]
+    """Delay of the wake-up after the deadline, since the start of the executor: not reset by an acknowledgement."""
 
 
 class TopicEnd(TypedDict):
@@ -946,6 +956,16 @@ class TopicView(TypedDict):
     """Its type."""
     unit: NotRequired[str | None]
     """Its unit; null if the type implies it or there is none."""
+
+
+class TotalView(TypedDict):
+    """A distribution of times that only grows."""
+    buckets: NotRequired[list[BucketView]]
+    """The buckets that are not empty."""
+    count: NotRequired[int]
+    """Number of samples."""
+    sum_ns: NotRequired[int]
+    """Their sum, ns."""
 
 
 class ValueView(TypedDict):

@@ -171,6 +171,7 @@ impl<B: DeviceBoards> Engine<B> {
         self.time.timing.exec.add(exec_ns);
         if let Some(recorder) = &mut self.recorder {
             recorder.end(wake_ns, exec_ns, skipped_periods);
+            status.incidents = recorder.handed_over();
         }
         if skipped_periods == 0 {
             self.time.late_in_a_row = 0;
@@ -189,6 +190,10 @@ impl<B: DeviceBoards> Engine<B> {
             reserved: 0,
         };
         status.late += 1;
+        match cause {
+            LateCause::ComputedLong => status.late_computed += 1,
+            _ => status.late_woken += 1,
+        }
         status.skipped_periods += skipped_periods;
         status.last_late = late;
         if status.first_late.cycle == 0 {
@@ -217,6 +222,8 @@ impl<B: DeviceBoards> Engine<B> {
         (status.worst_wake_ns, status.exec_max_ns) = (0, 0);
         let cycle = status.cycle;
         let timing = &mut *self.time.timing;
+        timing.wake_acknowledged.merge(&timing.wake);
+        timing.exec_acknowledged.merge(&timing.exec);
         for histogram in [&mut timing.wake, &mut timing.exec, &mut timing.length] {
             *histogram = Histogram::zeroed();
         }

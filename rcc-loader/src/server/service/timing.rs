@@ -2,7 +2,7 @@
 //! blocking threads of the server; only the acknowledgement calls the executor.
 
 use rcc_api::bodies::{
-    Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView,
+    Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView, TotalView,
 };
 use rcc_api::error::ApiError;
 use rcc_core::histogram::Histogram;
@@ -81,6 +81,8 @@ fn view(attached: &ExecutorConnection) -> TimingView {
         wake: histogram(&timing.wake),
         exec: histogram(&timing.exec),
         length: histogram(&timing.length),
+        wake_since_start: total(&timing.wake_acknowledged, &timing.wake),
+        exec_since_start: total(&timing.exec_acknowledged, &timing.exec),
         primitives: types,
     }
 }
@@ -104,9 +106,23 @@ fn histogram(times: &Histogram) -> HistogramView {
         p99_ns: times.quantile(990),
         p999_ns: times.quantile(999),
         max_ns: times.max(),
-        buckets: times
-            .buckets()
-            .map(|(to_ns, count)| BucketView { to_ns, count })
-            .collect(),
+        buckets: buckets(times),
+    }
+}
+
+fn buckets(times: &Histogram) -> Vec<BucketView> {
+    let rows = times.buckets();
+    rows.map(|(to_ns, count)| BucketView { to_ns, count })
+        .collect()
+}
+
+/// Returns the distribution since the start: up to the last acknowledgement, and after it.
+fn total(acknowledged: &Histogram, since: &Histogram) -> TotalView {
+    let mut all = *acknowledged;
+    all.merge(since);
+    TotalView {
+        count: all.count(),
+        sum_ns: all.sum(),
+        buckets: buckets(&all),
     }
 }
