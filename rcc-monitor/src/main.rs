@@ -13,6 +13,7 @@ use nix::sys::signal::Signal;
 use rcc_core::duration::parse_seconds;
 use rcc_core::printable::Printable;
 use rcc_monitor::reader;
+use rcc_monitor::record::selection::{PortPattern, Selection};
 use rcc_monitor::record::{RecordOptions, record};
 use rcc_monitor::serve::{ServeOptions, serve};
 use rcc_monitor::signals::Signals;
@@ -76,6 +77,10 @@ struct RecordArguments {
     /// Nets, separated by commas, with * and ? as wildcards. Default: all.
     #[arg(long, value_delimiter = ',', value_name = "NET")]
     nets: Vec<Pattern>,
+    /// Monitored ports such as line/move.pose or */ik.joints, separated by commas; * and ? match any characters. Default:
+    /// all.
+    #[arg(long, value_delimiter = ',', value_name = "PORT")]
+    ports: Vec<PortPattern>,
     /// Stop after this time, s. Default: at Ctrl-C.
     #[arg(long, value_parser = seconds)]
     seconds: Option<Duration>,
@@ -152,7 +157,10 @@ fn main() -> ExitCode {
 fn run_record(cell: &str, arguments: RecordArguments, signals: &mut Signals) -> ExitCode {
     let options = RecordOptions {
         path: arguments.file,
-        nets: arguments.nets,
+        selection: Selection {
+            nets: arguments.nets,
+            ports: arguments.ports,
+        },
         duration: arguments.seconds,
         bytes_max: arguments.max_size,
         when_full: match arguments.keep_newest {

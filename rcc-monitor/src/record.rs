@@ -7,12 +7,12 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use rcc_core::counted::Counted;
-use rcc_protocol::pattern::Pattern;
 use rcc_recording::file::RecordingError;
 use rcc_recording::recording::{Recording, RecordingOptions, WhenFull};
 use serde::Serialize;
 
 use self::queue::{BatchSender, QUEUE_BYTES_MAX, queue};
+use self::selection::Selection;
 use self::source::CellSource;
 use self::writer::{RecordLosses, RecordWriter, WriterOptions, WrittenRecording};
 use crate::signals::Signals;
@@ -21,6 +21,7 @@ use crate::tail::print_note;
 
 pub mod nets;
 pub mod queue;
+pub mod selection;
 pub mod source;
 pub mod writer;
 
@@ -36,8 +37,8 @@ const FIND_EVERY: Duration = Duration::from_millis(50);
 pub struct RecordOptions {
     /// The file.
     pub path: PathBuf,
-    /// Nets; all if empty.
-    pub nets: Vec<Pattern>,
+    /// Nets and ports.
+    pub selection: Selection,
     /// Greatest time.
     pub duration: Option<Duration>,
     /// Greatest size of all files together, bytes.
@@ -75,6 +76,8 @@ pub struct RecordReport {
     pub removed: u64,
     /// Time from the first message that still exists to the last, s.
     pub span_s: f64,
+    /// Patterns of `--ports` for which no net had a monitor.
+    pub unmatched: Vec<String>,
     /// What is missing.
     #[serde(flatten)]
     pub losses: RecordLosses,
@@ -117,7 +120,7 @@ pub fn record(
     });
     let recording = recording.map_err(RecordError::Create)?;
     let writer_options = WriterOptions {
-        nets: options.nets.clone(),
+        selection: options.selection.clone(),
         view_every_ns: (1e9 / options.view_hz) as u64,
     };
     let (sender, receiver) = queue(QUEUE_BYTES_MAX);
@@ -193,6 +196,7 @@ fn report(end: RecordEnd, written: &WrittenRecording) -> RecordReport {
         messages: summary.messages,
         removed: summary.removed,
         span_s: last_ns.saturating_sub(first_ns) as f64 * 1e-9,
+        unmatched: written.unmatched.clone(),
         losses: written.losses,
     }
 }
@@ -220,6 +224,11 @@ impl RecordReport {
             lines.push(format!(
                 "removed the oldest: {}",
                 Counted(self.removed, "segment")
+            ));
+        }
+        for port in &self.unmatched {
+            lines.push(format!(
+                "no net had a monitor for `{port}`: only monitored ports are recorded, so add a Monitor to the net"
             ));
         }
         let losses = &self.losses;

@@ -18,6 +18,9 @@ pub struct Arguments {
     /// Nets, separated by commas, with * and ? as wildcards [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NET")]
     nets: Vec<String>,
+    /// Monitored ports, such as line/move.pose or */ik.joints, separated by commas, with wildcards [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "PORT")]
+    ports: Vec<String>,
     /// End after this time [default: at Ctrl-C]
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<String>,
@@ -47,6 +50,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     command.arg("--output").arg(format);
     for net in &arguments.nets {
         command.arg("--nets").arg(net);
+    }
+    for port in &arguments.ports {
+        command.arg("--ports").arg(port);
     }
     for (option, value) in [
         ("--seconds", arguments.seconds),

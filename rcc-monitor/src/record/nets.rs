@@ -7,12 +7,12 @@ use std::collections::HashMap;
 use rcc_core::fnv;
 use rcc_core::message::MonitorRecord;
 use rcc_protocol::events::hex_digits;
-use rcc_protocol::pattern::Pattern;
 use rcc_recording::cdr::CdrWriter;
 use rcc_recording::file::{AttachedText, ChannelInfo, RecordingError};
 use rcc_recording::recording::{ChannelId, Recording, RecordingState};
 use rcc_recording::table::{Column, Table, TableKey, TableSubject, field_name};
 
+use super::selection::Selection;
 use crate::names::{CommandDirectory, CommandNames, MonitorInfo};
 
 /// The monitors of a net that have one rate.
@@ -34,7 +34,8 @@ struct RecordedNet {
 
 /// Writes the monitors of nets.
 pub struct NetRecorder {
-    patterns: Vec<Pattern>,
+    /// What is recorded.
+    pub selection: Selection,
     directory: CommandDirectory,
     nets: HashMap<u64, RecordedNet>,
     /// The cycle that is being put together: command, cycle, and its time stamp.
@@ -50,11 +51,11 @@ pub struct NetRecorder {
 pub type WallTime<'a> = &'a dyn Fn(u64) -> u64;
 
 impl NetRecorder {
-    /// Writes the nets of one executor that match a pattern; all if there is none.
+    /// Writes the selected nets and ports of one executor.
     #[must_use]
-    pub fn new(directory: CommandDirectory, patterns: Vec<Pattern>) -> NetRecorder {
+    pub fn new(directory: CommandDirectory, selection: Selection) -> NetRecorder {
         NetRecorder {
-            patterns,
+            selection,
             directory,
             nets: HashMap::new(),
             open: None,
@@ -81,7 +82,7 @@ impl NetRecorder {
         }
         if !self.nets.contains_key(&record.command) {
             let names = self.directory.command(record.command);
-            let net = recorded_net(recording, names, &self.patterns, wall(record.stamp_ns))?;
+            let net = recorded_net(recording, names, &mut self.selection, wall(record.stamp_ns))?;
             self.nets.insert(record.command, net);
         }
         self.open = Some(here);
@@ -136,10 +137,14 @@ impl NetRecorder {
 fn recorded_net(
     recording: &mut Recording,
     names: &CommandNames,
-    patterns: &[Pattern],
+    selection: &mut Selection,
     time_ns: u64,
 ) -> Result<RecordedNet, RecordingError> {
-    if !patterns.is_empty() && !patterns.iter().any(|one| one.matches(&names.net)) {
+    if !selection.has_net(&names.net) {
+        return Ok(RecordedNet::default());
+    }
+    let monitors = selection.monitors(&names.net, &names.monitors);
+    if monitors.is_empty() && !names.monitors.is_empty() {
         return Ok(RecordedNet::default());
     }
     let hash = hex_digits(fnv::add(fnv::EMPTY, names.text.as_bytes()));
@@ -151,11 +156,11 @@ fn recorded_net(
         };
         recording.attach(text, time_ns)?;
     }
-    let mut rates: Vec<u32> = names.monitors.iter().map(|one| one.every).collect();
+    let mut rates: Vec<u32> = monitors.iter().map(|(_, one)| one.every).collect();
     rates.sort_unstable();
     rates.dedup();
     let tables = rates.iter().enumerate().map(|(number, every)| {
-        let monitors = (0_u32..).zip(&names.monitors);
+        let monitors = monitors.iter().copied();
         let monitors = monitors.filter(|(_, monitor)| monitor.every == *every);
         let mut topic = format!("/nets/{}", field_name(&names.net));
         if number > 0 {
@@ -237,7 +242,11 @@ mod tests {
     }
 
     /// Writes these records of the net and returns the rows of each topic, and how many cycles were left out.
-    fn recorded(records: &[MonitorRecord], patterns: &[&str]) -> (Vec<String>, u64) {
+    fn recorded(
+        records: &[MonitorRecord],
+        nets: &[&str],
+        ports: &[&str],
+    ) -> (Vec<String>, u64, Vec<String>) {
         let folder = rcc_testing::folder();
         let cell = Cell::at("test", folder.path()).expect("a cell");
         let commands = cell.commands_dir().join(format!("{:016x}", 5));
@@ -251,8 +260,11 @@ mod tests {
             when_full: WhenFull::Stop,
         })
         .expect("a file");
-        let patterns = patterns.iter().filter_map(|one| one.parse().ok()).collect();
-        let mut nets = NetRecorder::new(CommandDirectory::of(&cell, 5), patterns);
+        let selection = Selection {
+            nets: nets.iter().filter_map(|one| one.parse().ok()).collect(),
+            ports: ports.iter().filter_map(|one| one.parse().ok()).collect(),
+        };
+        let mut nets = NetRecorder::new(CommandDirectory::of(&cell, 5), selection);
         let wall = |stamp_ns: u64| stamp_ns + 1;
         for record in records {
             let _ = nets.record(&mut recording, record, &wall).expect("written");
@@ -271,7 +283,7 @@ mod tests {
             ));
         });
         assert_eq!(end.expect("a recording"), ReadEnd::Complete);
-        (rows, nets.incomplete)
+        (rows, nets.incomplete, nets.selection.unmatched())
     }
 
     #[test]
@@ -288,7 +300,7 @@ mod tests {
             record(4, 0, &[0.8]),
             record(4, 1, &[0.0]),
         ];
-        let (rows, incomplete) = recorded(&records, &[]);
+        let (rows, incomplete, _) = recorded(&records, &[], &[]);
         let expected = [
             "/nets/line 1 [0.5, 1.0]",
             "/nets/line/every_10 1 [-3.0, NaN]",
@@ -301,7 +313,29 @@ mod tests {
     #[test]
     fn other_nets_are_not_recorded() {
         let records = [record(1, 0, &[0.5]), record(1, 1, &[1.0])];
-        assert_eq!(recorded(&records, &["li*"]).0.len(), 1);
-        assert_eq!(recorded(&records, &["other"]), (Vec::new(), 0));
+        assert_eq!(recorded(&records, &["li*"], &[]).0.len(), 1);
+        let none = (Vec::new(), 0, Vec::new());
+        assert_eq!(recorded(&records, &["other"], &[]), none);
+    }
+
+    #[test]
+    fn only_the_selected_ports_are_recorded_and_patterns_without_a_monitor_are_told() {
+        let records = [
+            record(1, 0, &[0.5]),
+            record(1, 1, &[1.0]),
+            record(1, 2, &[1.0, 2.0]),
+            record(2, 0, &[0.6]),
+            record(2, 1, &[0.0]),
+        ];
+        let (rows, incomplete, unmatched) =
+            recorded(&records, &[], &["line/move.*", "line/none.out", "other/*"]);
+        assert_eq!(rows, ["/nets/line 1 [0.5]", "/nets/line 2 [0.6]"]);
+        assert_eq!(
+            (incomplete, unmatched),
+            (0, vec!["line/none.out".into(), "other/*".into()])
+        );
+        // Both selections apply.
+        let (rows, _, unmatched) = recorded(&records, &["other"], &["line/*"]);
+        assert_eq!((rows.len(), unmatched.len()), (0, 1));
     }
 }

@@ -8,7 +8,6 @@ use rcc_core::message::{CycleStatus, DeviceState, Tables};
 use rcc_ipc::events::EventReader;
 use rcc_os::{clock, wall};
 use rcc_protocol::events::{Event, EventSeverity};
-use rcc_protocol::pattern::Pattern;
 use rcc_recording::arm::{ViewedArm, urdf};
 use rcc_recording::cdr::CdrWriter;
 use rcc_recording::device::DeviceRecorder;
@@ -19,6 +18,7 @@ use rcc_recording::schemas::standard;
 
 use super::nets::NetRecorder;
 use super::queue::BatchReceiver;
+use super::selection::Selection;
 use super::source::{ExecutorFacts, SourceBatch};
 use crate::names::CommandDirectory;
 
@@ -30,8 +30,8 @@ const WAIT_MAX: Duration = Duration::from_millis(200);
 /// What is written.
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
-    /// Nets to write; all if empty.
-    pub nets: Vec<Pattern>,
+    /// What of the nets is written.
+    pub selection: Selection,
     /// Time between two messages that draw an arm, ns.
     pub view_every_ns: u64,
 }
@@ -62,6 +62,8 @@ pub struct WrittenRecording {
     pub summary: RecordingSummary,
     /// What was not.
     pub losses: RecordLosses,
+    /// Patterns of ports for which no net had a monitor.
+    pub unmatched: Vec<String>,
     /// The greatest size was reached.
     pub is_full: bool,
 }
@@ -144,6 +146,7 @@ impl RecordWriter {
         self.write_events()?;
         Ok(WrittenRecording {
             losses: self.losses,
+            unmatched: self.options.selection.unmatched(),
             summary: self.recording.finish()?,
             is_full,
         })
@@ -189,7 +192,7 @@ impl RecordWriter {
     fn attach(&mut self, facts: &ExecutorFacts) -> Result<(), RecordingError> {
         self.end_nets()?;
         let directory = CommandDirectory::of(&facts.cell, facts.incarnation);
-        self.nets = Some(NetRecorder::new(directory, self.options.nets.clone()));
+        self.nets = Some(NetRecorder::new(directory, self.options.selection.clone()));
         let state = facts.cell.state();
         self.events
             .get_or_insert_with(|| EventReader::open_at_end(&state));
@@ -227,6 +230,7 @@ impl RecordWriter {
             self.note(state);
             self.losses.incomplete += nets.incomplete;
             self.losses.rounded += nets.rounded;
+            self.options.selection = nets.selection;
         }
         Ok(())
     }
