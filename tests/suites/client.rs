@@ -114,7 +114,8 @@ fn a_watch_of_a_command_ends_with_its_last_values_when_the_net_ends() {
         ("terminated", last.cycle)
     );
     let again = command.watch(&["*"], 10.0).expect("a stream");
-    assert_eq!(again.map(|sample| sample.expect("values")).count(), 1);
+    let again: Vec<_> = again.map(|sample| sample.expect("values")).collect();
+    assert_eq!(again.len(), 1);
     assert!(command.wait(None).expect("ended").finished().is_ok());
     let other = cell.start(&waiting("unloaded")).expect("started");
     let mut watch = other.watch(&["*"], 10.0).expect("a stream");

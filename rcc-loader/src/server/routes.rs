@@ -18,7 +18,8 @@ use rcc_api::bodies::{
 };
 use rcc_api::error::ApiError;
 use rcc_api::streams::{
-    ChannelError, ChannelOpened, ChannelSet, StreamEnd, StreamLoss, StreamMonitored, StreamPorts, StreamState,
+    ChannelError, ChannelOpened, ChannelSet, StreamEnd, StreamLoss, StreamMonitored, StreamPorts,
+    StreamState,
 };
 use rcc_api::{catalogue, codes};
 use rcc_process::Helpers;
