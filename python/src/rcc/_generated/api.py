@@ -14,6 +14,8 @@ Named = Union[int, str]
 
 OnClientLoss = Literal['cancel', 'go on']
 
+StreamEnd = dict[str, Any]
+
 CommandState = Literal['loading', 'rejected', 'ready', 'running', 'canceling', 'terminated']
 
 EndReason = Literal['finished', 'canceled', 'aborted', 'fault']
