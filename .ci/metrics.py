@@ -51,9 +51,13 @@ def run(environment: dict[str, str]) -> None:
     server = None
     try:
         end = time.monotonic() + LIMIT_S
-        while subprocess.run([BIN / "rcc-cli", "run", ROOT / "configs/nets/line.yaml"], env=environment, capture_output=True).returncode:
+        net = ROOT / "configs/nets/line.yaml"
+        while subprocess.run([BIN / "rcc-cli", "run", net], env=environment, capture_output=True).returncode:
             if time.monotonic() > end or up.poll() is not None:
                 sys.exit("the cell does not run a net")
+        # `run` unloads what it ran; nets that are loaded have metrics of their own.
+        for verb in (["load", net], ["start", "line"]):
+            subprocess.run([BIN / "rcc-cli", *verb], env=environment, check=True, stdout=subprocess.DEVNULL)
         command = [BIN / "rcc-monitor", "--cell", "demo", "serve", "--port", "0", "--metrics-open"]
         server = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         address = server.stdout.readline().split("/?")[0] + "/metrics"
