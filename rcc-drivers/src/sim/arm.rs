@@ -9,6 +9,8 @@ pub mod impedance;
 pub mod model;
 pub mod simulated_arm;
 pub mod stop_ramp;
+#[cfg(test)]
+pub(crate) mod wall_fixture;
 
 /// Number of joints.
 pub const JOINTS: usize = 7;

@@ -30,12 +30,16 @@ fn arm() -> DeviceConfig {
 }
 
 fn session(version: Version) -> IiwaSession {
+    session_of(&arm(), version)
+}
+
+fn session_of(device: &DeviceConfig, version: Version) -> IiwaSession {
     let quality_min = Quality::Good;
     let settings = SessionSettings {
         version,
         quality_min,
     };
-    IiwaSession::new(&arm(), settings).expect("an arm with 7 joints")
+    IiwaSession::new(device, settings).expect("an arm with 7 joints")
 }
 
 fn all(value: f64) -> Option<JointValues> {

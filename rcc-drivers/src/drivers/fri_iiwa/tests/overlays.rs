@@ -7,22 +7,22 @@ use rcc_core::pose::Pose;
 use super::*;
 use crate::fri_iiwa::wire::schema::{CartesianVector, CommandData, Transformation};
 
+/// Returns a message of a motion that becomes active with the third one.
+fn commanding(sequence: u32) -> Monitoring {
+    let state = match sequence {
+        ..3 => COMMANDING_WAIT,
+        _ => COMMANDING_ACTIVE,
+    };
+    message(sequence, state)
+}
+
 /// Goes through the states of an overlay; returns the session, and the content of the last answer.
 fn overlay(device: &DeviceConfig, mode: i32, outputs: &Outputs) -> (IiwaSession, CommandData) {
     let version = Version::V2_5;
-    let settings = SessionSettings {
-        version,
-        quality_min: Quality::Good,
-    };
-    let mut session = IiwaSession::new(device, settings).expect("an arm with 7 joints");
+    let mut session = session_of(device, version);
     let mut last = CommandData::default();
     for sequence in 1..=8 {
-        let state = if sequence < 3 {
-            COMMANDING_WAIT
-        } else {
-            COMMANDING_ACTIVE
-        };
-        let mut message = message(sequence, state);
+        let mut message = commanding(sequence);
         let own = message.interpolator.as_mut().expect("set above");
         own.command_mode = Some(mode);
         own.pose = Some(own_pose());
@@ -121,7 +121,7 @@ fn with_its_springs_torques_and_wrenches_are_commanded_beside_the_position() {
     // The demo's arm has joints that turn as an LWR's: its axes x and y are opposite to those of an iiwa.
     let wrench = last.wrench.expect("the overlay's").element;
     assert_eq!(wrench, [-1.0, -2.0, 3.0, 6.0, -5.0, -4.0]);
-    // What is meant for another strategy is not sent.
+    // Added torques of joint impedance are not sent in the wrench overlay.
     let (_, last) = overlay(&sprung(), 2, &pressing(ControlMode::JointImpedance));
     assert_eq!(last.wrench.expect("the overlay's").element, [0.0; 6]);
 }
@@ -163,12 +163,7 @@ fn an_overlay_of_a_pose_gets_the_pose_of_the_commanded_joints() {
 fn an_overlay_of_a_pose_without_a_pose_cannot_be_commanded() {
     let mut session = session(Version::V2_7);
     for sequence in 1..=8 {
-        let state = if sequence < 3 {
-            COMMANDING_WAIT
-        } else {
-            COMMANDING_ACTIVE
-        };
-        let mut message = message(sequence, state);
+        let mut message = commanding(sequence);
         message
             .interpolator
             .as_mut()

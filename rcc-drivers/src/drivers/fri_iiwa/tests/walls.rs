@@ -10,14 +10,13 @@ use rcc_core::message::{CommandImage, DeviceState, Joints, Measurement, SetPoint
 use super::*;
 use crate::host::device_session::DeviceSession;
 use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings};
+use crate::sim::arm::wall_fixture::{
+    JointLoad, assert_joint_stiffness, assert_stiffness, wall_behind,
+};
 use crate::sim::iiwa::cabinet::Cabinet;
 use crate::sim::iiwa::settings::{OverlayMode, Settings as CabinetSettings};
 
 const MS: u64 = 1_000_000;
-/// Distance of the wall's plane behind the commanded flange, m.
-const DEPTH: f64 = 0.005;
-/// Largest deviation of the shown stiffness from the commanded one, as a share.
-const TOLERANCE: f64 = 0.02;
 /// Stiffness about the axes, N·m/rad.
 const ROTATION: f64 = 200.0;
 const DAMPING: f64 = 0.7;
@@ -62,10 +61,6 @@ impl IiwaFixture {
         if law == ControlLaw::CartesianImpedance {
             impedance.stiffness[3..6].fill(ROTATION);
         }
-        let settings = SessionSettings {
-            version,
-            quality_min: Quality::Good,
-        };
         let mut fixture = Self {
             cabinet: Cabinet::new(CabinetSettings {
                 version,
@@ -74,7 +69,7 @@ impl IiwaFixture {
                 impedance,
                 ..CabinetSettings::default()
             }),
-            dialogue: IiwaSession::new(&device, settings).expect("an arm with 7 joints"),
+            dialogue: session_of(&device, version),
             session: DeviceSession::new(&device, 0),
             image: CommandImage::new(1, MS),
             now_ns: 0,
@@ -119,14 +114,7 @@ impl IiwaFixture {
 
     /// Presses the arm for 3 s into a wall whose normal is `axis` of the cabinet's base.
     fn press(&mut self, axis: usize, strategy: ControlMode, stiffness: f64) {
-        let mut point = self.cabinet.snapshot().flange_position;
-        point[axis] += DEPTH;
-        let mut normal = [0.0; 3];
-        normal[axis] = 1.0;
-        let wall = serde_json::json!({
-            "wall": {"point": point, "normal": normal, "stiffness": 5000, "damping": 100}
-        });
-        let wall = serde_json::from_value(wall).expect("a request");
+        let wall = wall_behind(self.cabinet.snapshot().flange_position, axis);
         self.cabinet.execute(wall).expect("a wall");
         let mut impedance = Impedance {
             strategy: strategy as u64,
@@ -156,13 +144,6 @@ impl IiwaFixture {
     }
 }
 
-fn assert_stiffness(force: f64, displacement: f64, commanded: f64) {
-    let shown = force / displacement;
-    let words = format!("{shown} instead of {commanded}: {force} over {displacement}");
-    let deviation = (shown - commanded).abs();
-    assert!(deviation <= TOLERANCE * commanded, "{words}");
-}
-
 #[test]
 fn against_a_wall_each_joint_shows_the_stiffness_of_the_application() {
     let rows = [
@@ -176,15 +157,13 @@ fn against_a_wall_each_joint_shows_the_stiffness_of_the_application() {
         let mut fixture = IiwaFixture::ready(device, version, OverlayMode::Torque);
         fixture.press(axis, ControlMode::JointImpedance, stiffness);
         let measured = fixture.measured();
-        let mut loaded = 0;
-        for joint in 0..JOINTS {
-            let torque = measured.external_torque[joint];
-            if torque.abs() > 0.2 {
-                let displacement = measured.position[joint] - measured.hold[joint];
-                assert_stiffness(torque, displacement, stiffness);
-                loaded += 1;
-            }
-        }
+        let loaded = assert_joint_stiffness(&JointLoad {
+            external: &measured.external_torque,
+            added: &[0.0; JOINTS_MAX],
+            measured: &measured.position,
+            held: &measured.hold,
+            stiffness: &[stiffness; JOINTS],
+        });
         assert!(loaded > 0, "{version:?} axis {axis}");
     }
 }

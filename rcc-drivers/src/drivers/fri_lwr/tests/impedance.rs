@@ -5,6 +5,9 @@ use rcc_core::impedance::{ControlMode, Impedance};
 use super::*;
 use crate::fri_lwr::wire::CMD_SIZE;
 use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::arm::wall_fixture::{
+    JointLoad, assert_joint_stiffness, assert_stiffness, wall_behind,
+};
 
 const CARTESIAN: ControlLaw = ControlLaw::CartesianImpedance;
 const JOINT: ControlLaw = ControlLaw::JointImpedance;
@@ -264,26 +267,12 @@ fn pressed(strategy: ControlLaw, impedance: Impedance, axis: usize) -> FriFixtur
     let mut bench = bench(strategy);
     let hold = bench.measured().hold;
     let flange = lwr().model().arm.expect("kinematics").forward(&hold);
-    let mut normal = [0.0; 3];
-    normal[axis] = 1.0;
-    let mut point = flange.position;
-    point[axis] += 0.005;
-    let wall = serde_json::json!({
-        "wall": {"point": point, "normal": normal, "stiffness": 5000, "damping": 100}
-    });
-    let wall = serde_json::from_value(wall).expect("a command");
+    let wall = wall_behind(flange.position, axis);
     bench.krc.execute(wall).expect("a wall");
     let entry = held(1, &bench, impedance);
     (0..4000).for_each(|_| bench.cycle(entry));
     assert_eq!((bench.faults(), bench.state()), (0, DeviceState::Commanded));
     bench
-}
-
-/// Asserts that force / displacement is the commanded stiffness within 2 %.
-fn assert_stiffness(force: f64, displacement: f64, commanded: f64) {
-    let shown = force / displacement;
-    let words = format!("{shown} instead of {commanded}: {force} over {displacement}");
-    assert!((shown - commanded).abs() <= 0.02 * commanded, "{words}");
 }
 
 #[test]
@@ -318,15 +307,13 @@ fn against_a_wall_each_joint_shows_the_stiffness_that_was_commanded() {
     for axis in 0..3 {
         let bench = pressed(JOINT, impedance, axis);
         let measured = bench.measured();
-        let mut loaded = 0;
-        for joint in 0..7 {
-            let torque = measured.external_torque[joint];
-            if torque.abs() > 0.2 {
-                let displacement = measured.position[joint] - measured.hold[joint];
-                assert_stiffness(torque, displacement, impedance.stiffness[joint]);
-                loaded += 1;
-            }
-        }
+        let loaded = assert_joint_stiffness(&JointLoad {
+            external: &measured.external_torque,
+            added: &[0.0; JOINTS_MAX],
+            measured: &measured.position,
+            held: &measured.hold,
+            stiffness: &impedance.stiffness,
+        });
         assert!(loaded > 0, "axis {axis}");
     }
 }

@@ -4,11 +4,10 @@
 
 use super::*;
 use crate::sim::arm::model::geometry;
+use crate::sim::arm::wall_fixture::{
+    JointLoad, assert_joint_stiffness, assert_stiffness, wall_behind,
+};
 
-/// Distance of the wall's plane behind the flange, m.
-const DEPTH: f64 = 0.005;
-/// Largest deviation of the shown stiffness from the chosen one, as a share.
-const TOLERANCE: f64 = 0.02;
 /// Stiffness of each joint, N·m/rad.
 const JOINT: Joints = [100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0];
 /// Stiffness along the axes, N/m.
@@ -30,23 +29,11 @@ fn sprung(version: Version, overlay: OverlayMode, law: ControlLaw) -> Settings {
 /// Returns a client whose arm a wall with its normal along `axis` has pressed for 3 s.
 fn pressed(settings: Settings, axis: usize, change: impl Fn(&mut CommandData)) -> Client {
     let mut client = Client::commanding(settings);
-    let mut point = client.cabinet.geometry.position;
-    point[axis] += DEPTH;
-    let mut normal = [0.0; 3];
-    normal[axis] = 1.0;
-    let wall = serde_json::json!({
-        "wall": {"point": point, "normal": normal, "stiffness": 5000, "damping": 100}
-    });
+    let wall: serde_json::Value = wall_behind(client.cabinet.geometry.position, axis);
     client.ask(&wall.to_string());
     client.run(3000, change);
     assert!(client.cabinet.is_commanded(), "{:?}", client.cabinet.fault);
     client
-}
-
-fn assert_stiffness(force: f64, deflection: f64, chosen: f64) {
-    let shown = force / deflection;
-    let words = format!("{shown} instead of {chosen}: {force} over {deflection}");
-    assert!((shown - chosen).abs() <= TOLERANCE * chosen, "{words}");
 }
 
 /// Asserts the stiffness of each joint that the wall and the added torques (N·m) load, from the values on the wire; returns
@@ -55,16 +42,13 @@ fn assert_joints(client: &Client, added: &Joints) -> usize {
     let sent = client.seen.data.as_ref().expect("sent");
     let own = client.seen.interpolator.as_ref().expect("a motion");
     let of = |values: &Option<JointValues>| values.clone().expect("sent").value;
-    let (external, measured) = (of(&sent.external_torque), of(&sent.measured_position));
-    let held = of(&own.position);
-    let loaded = (0..JOINTS).filter(|joint| {
-        let torque = external[*joint] + added[*joint];
-        if torque.abs() > 0.2 {
-            assert_stiffness(torque, measured[*joint] - held[*joint], JOINT[*joint]);
-        }
-        external[*joint].abs() > 0.2
-    });
-    loaded.count()
+    assert_joint_stiffness(&JointLoad {
+        external: &of(&sent.external_torque),
+        added,
+        measured: &of(&sent.measured_position),
+        held: &of(&own.position),
+        stiffness: &JOINT,
+    })
 }
 
 #[test]
