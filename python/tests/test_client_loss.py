@@ -69,7 +69,7 @@ def ended(cell, count=1):
 
 def test_before_load_and_loaded_nothing_moves(cell, cell_name):
     Program(cell_name, "ready(); cell.load(slow); input()").kill()
-    Program(cell_name, "command = cell.load(slow); ready(); import time; time.sleep(60)").kill()
+    Program(cell_name, "command = cell.load(slow); ready(); input()").kill()
     assert all(state == "ready" for _, state, _ in states(cell)) and states(cell)
 
 

@@ -158,7 +158,8 @@ fn program(socket: &str) {
     let free = cell.load(&waiting("free")).expect("loaded");
     free.start_with(OnClientLoss::GoOn).expect("started");
     println!("\nready {}", bound.id());
-    std::thread::sleep(LIMIT);
+    // Its harness kills it; if that is gone, so is the pipe.
+    let _ = std::io::stdin().read_line(&mut String::new());
 }
 
 #[test]
@@ -174,6 +175,7 @@ fn a_program_that_is_killed_leaves_what_on_client_loss_says() {
             "--nocapture",
         ])
         .env("RCC_TEST_CLIENT_SOCKET", tested.cell().socket())
+        .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
         .expect("a program");
