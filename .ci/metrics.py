@@ -61,8 +61,9 @@ def run(environment: dict[str, str]) -> None:
         command = [BIN / "rcc-monitor", "--cell", "demo", "serve", "--port", "0", "--metrics-open"]
         server = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         address = server.stdout.readline().split("/?")[0] + "/metrics"
-        judge_names(scrape(address, OPEN))
-        families = judge_open_metrics(scrape(address, OPEN))
+        text = scrape(address, OPEN)
+        judge_names(text)
+        families = judge_open_metrics(text)
         print(f"OpenMetrics parser: {families} families" if families else "skipped: .ci/metrics, Python parser")
         if promtool := os.environ.get("PROMTOOL"):
             text = scrape(address, "text/plain")

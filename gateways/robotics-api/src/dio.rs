@@ -83,7 +83,7 @@ impl DioMessage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected {wanted} at character {at} of the message")]
 pub struct DioError {
-    /// What would have been possible.
+    /// Name of the expected syntax.
     pub wanted: &'static str,
     /// Byte offset, from 0.
     pub at: usize,

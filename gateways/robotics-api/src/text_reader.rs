@@ -1,24 +1,24 @@
-//! Reads a text byte by byte, and says what was expected where: common to messages and conditions. Pure functions.
+//! A reader for the texts of messages and conditions, with the expected syntax and its position in errors. Pure functions.
 
-/// What stands here is not what was expected.
+/// A syntax error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Unexpected {
-    /// What would have been possible.
+    /// Name of the expected syntax.
     pub wanted: &'static str,
     /// Byte offset, from 0.
     pub at: usize,
 }
 
-/// A text, and how far it has been read.
+/// A text and the position of the reader.
 pub(crate) struct TextReader<'t> {
     /// The text.
     pub text: &'t str,
-    /// Byte offset of what comes next.
+    /// Byte offset of the next byte.
     pub at: usize,
 }
 
 impl<'t> TextReader<'t> {
-    /// Begins at the beginning.
+    /// Creates a reader at the start of a text.
     pub fn new(text: &'t str) -> TextReader<'t> {
         TextReader { text, at: 0 }
     }
@@ -28,7 +28,7 @@ impl<'t> TextReader<'t> {
         self.text.as_bytes().get(self.at).copied()
     }
 
-    /// Returns the error for what comes next.
+    /// Returns the error for the next byte.
     pub fn wanted(&self, wanted: &'static str) -> Unexpected {
         Unexpected {
             wanted,

@@ -113,7 +113,7 @@ impl Cell {
         Ok(self.client.post(path, body(Some(number))?)?)
     }
 
-    /// Returns the lease of this program, which is granted when it is first needed; `expired` is one that is no more.
+    /// Returns the number of this program's lease; requests one if there is none, or if it is lost or is `expired`.
     fn lease(&self, expired: Option<u64>) -> Result<u64, ClientError> {
         let mut held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
         let is_gone = |lease: &Lease| lease.is_lost() || Some(lease.number) == expired;

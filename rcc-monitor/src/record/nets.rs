@@ -34,7 +34,7 @@ struct RecordedNet {
 
 /// Writes the monitors of nets.
 pub struct NetRecorder {
-    /// What is recorded.
+    /// Selected nets and ports.
     pub selection: Selection,
     directory: CommandDirectory,
     nets: HashMap<u64, RecordedNet>,

@@ -1,5 +1,5 @@
-//! What of the nets is recorded: nets by name, and ports by patterns that remember whether a monitor was ever found for
-//! them. Used by the thread that writes.
+//! Selection of the recorded nets and ports by patterns. A pattern of ports remembers whether a monitor has matched it.
+//! Used by the thread that writes.
 
 use std::str::FromStr;
 

@@ -30,7 +30,7 @@ const WAIT_MAX: Duration = Duration::from_millis(200);
 /// What is written.
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
-    /// What of the nets is written.
+    /// Selected nets and ports.
     pub selection: Selection,
     /// Time between two messages that draw an arm, ns.
     pub view_every_ns: u64,

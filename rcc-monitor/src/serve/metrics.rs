@@ -29,7 +29,7 @@ const STAT_MAX: u64 = 1 << 20;
 /// Clock ticks a second in `/proc` (`USER_HZ`).
 const TICKS_HZ: f64 = 100.0;
 
-/// What is remembered between scrapes.
+/// State that is kept between scrapes.
 #[derive(Debug, Default)]
 pub struct ScrapeState(Mutex<Remembered>);
 
@@ -41,7 +41,7 @@ struct Remembered {
     names: BTreeSet<String>,
 }
 
-/// What one scrape found; `None` is what could not be read.
+/// Values of one scrape; `None` if they could not be read.
 #[derive(Debug, Default)]
 struct Reading {
     loader: bool,

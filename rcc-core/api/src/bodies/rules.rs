@@ -36,7 +36,7 @@ impl CommandList {
     }
 }
 
-/// What happens to a rule or a command when its client is gone.
+/// Effect of the loss of a client on its rules and commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub enum OnClientLoss {
     /// The rule is disarmed; the command, or what the rule started, is cancelled.

@@ -1,4 +1,4 @@
-//! What is told to Prometheus: one family for each kind of value, from what a scrape found. Pure functions; run by the
+//! The metric families, from the values of one scrape. Pure functions; run by the
 //! serving thread.
 
 use std::collections::BTreeMap;
@@ -137,14 +137,14 @@ fn nets(reading: &Reading) -> Vec<Family> {
     }
     let mut by_state = Family::gauge("rcc_nets", "Loaded nets by name and state");
     for ((net, state), count) in states {
-        by_state = by_state.with(&[("net", net), ("state", state)], Number::Whole(count));
+        by_state.add(&[("net", net), ("state", state)], Number::Whole(count));
     }
     let mut by_reason = Family::gauge(
         "rcc_nets_ended",
         "Nets that have terminated and are still loaded, by name and reason",
     );
     for ((net, reason), count) in ends {
-        by_reason = by_reason.with(&[("net", net), ("reason", reason)], Number::Whole(count));
+        by_reason.add(&[("net", net), ("reason", reason)], Number::Whole(count));
     }
     let mut by_time = Family::gauge(
         "rcc_net_longest_evaluation",
@@ -152,7 +152,7 @@ fn nets(reading: &Reading) -> Vec<Family> {
     )
     .unit(Unit::Seconds);
     for (net, ns) in longest {
-        by_time = by_time.with(&[("net", net)], Number::Real(ns as f64 / NS_PER_S));
+        by_time.add(&[("net", net)], Number::Real(ns as f64 / NS_PER_S));
     }
     vec![by_state, by_reason, by_time]
 }
@@ -187,11 +187,11 @@ fn devices(devices: &[DeviceReading]) -> Vec<Family> {
         let device = ("device", view.name.as_str());
         for known in DeviceState::ALL {
             let is_it = known.name() == view.state;
-            state = state.with(&[device, ("state", known.name())], Number::of(is_it));
+            state.add(&[device, ("state", known.name())], Number::of(is_it));
         }
         let ratio = f64::from(view.quality_permille) / 1000.0;
-        quality = quality.with(&[device], Number::Real(ratio));
-        losses = losses.with(&[device], Number::Whole(view.losses));
+        quality.add(&[device], Number::Real(ratio));
+        losses.add(&[device], Number::Whole(view.losses));
         if let Some(counts) = driver {
             for (family, count) in drivers.iter_mut().zip(counts) {
                 family.add(&[device], Number::Whole(*count));

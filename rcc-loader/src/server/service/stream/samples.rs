@@ -17,7 +17,7 @@ enum CommandEnd {
     Gone,
 }
 
-/// What the ports of a net had to show.
+/// Result of reading the ports of a net.
 enum Reading {
     Values(StreamValues),
     /// Nothing new.
@@ -46,7 +46,7 @@ impl EventStream {
             let Some(id) = subscription.id() else {
                 continue;
             };
-            // What is read after its end are its last values.
+            // Values that are read after the end are the last ones.
             match self.has_ended(service, id) {
                 Some(CommandEnd::Gone) => subscription.is_over = true,
                 Some(CommandEnd::Terminated) => {
