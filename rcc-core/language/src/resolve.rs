@@ -13,7 +13,7 @@ use std::collections::HashMap;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
-use rcc_core::primitive::{CatalogueEntry, Parameter, Port, Spec};
+use rcc_core::primitive::{CatalogueEntry, Parameter, Port, Role, Spec};
 use rcc_core::primitives;
 
 use crate::codes;
@@ -28,6 +28,10 @@ pub use graph::{
     DeclaredInput, InputSource, ListElement, NetGraph, OutputId, ResolvedLink, ResolvedList,
     ResolvedOutcomes, ResolvedPrimitive, ResolvedRegion,
 };
+
+/// Remedy for `start: continue` of a motion along a path.
+const PATH_BEGINS_AT_REST: &str = "a motion along a path begins at rest, at the place from which it was planned: take a moving arm over \
+     with `{type: JointGoal, parameters: {start: continue, …}}`, and start the path when it rests";
 
 /// Resolves all names of a net.
 pub fn resolve<'a>(
@@ -177,12 +181,15 @@ impl<'a> Resolver<'a, '_> {
             if !spec.parameters.iter().any(|known| known.name == key.name) {
                 let names = spec.parameters.iter().map(|parameter| parameter.name);
                 let is_input = spec.input(&key.name).is_some();
-                let help = self.suggestions.word(
-                    &key.name,
-                    "parameters",
-                    names,
-                    is_input.then_some("an input"),
-                );
+                let help = match (spec.role, key.name.as_str()) {
+                    (Role::Motion, "start") => PATH_BEGINS_AT_REST.to_owned(),
+                    _ => self.suggestions.word(
+                        &key.name,
+                        "parameters",
+                        names,
+                        is_input.then_some("an input"),
+                    ),
+                };
                 self.unknown(codes::UNKNOWN_PARAMETER, key, spec, "parameter", help);
             }
         }
