@@ -8,6 +8,7 @@
 pub use rcc_engine::kernel_nets;
 
 pub mod executor;
+pub mod formulas;
 pub mod graph;
 pub mod instance;
 pub mod measure;
