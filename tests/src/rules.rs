@@ -26,8 +26,8 @@ pub struct Report {
     pub unbroken: usize,
     /// Hand-overs while the large net was still loading.
     pub while_loading: usize,
-    /// Largest velocity and acceleration of any joint relative to its limit.
-    pub shares: [f64; 2],
+    /// Largest velocity, acceleration and jerk of any joint relative to its limit.
+    pub shares: [f64; 3],
 }
 
 /// A net that moves all joints to a goal from however the arm moves; `near` is true after `cycles`.
@@ -51,11 +51,11 @@ discard: [near.out]
 }
 
 /// Hands the arm over `times` times by rules, each time while a net of `large` primitives is loading; calls `tell` after
-/// each. `limits` are the velocity and acceleration limits of every joint, rad/s and rad/s².
+/// each. `limits` are the velocity, acceleration and jerk limits of every joint, rad/s, rad/s² and rad/s³.
 pub fn hand_over(
     place: &CellFixture,
     (times, large): (usize, usize),
-    limits: [[f64; 7]; 2],
+    limits: [[f64; 7]; 3],
     mut tell: impl FnMut(&Report),
 ) -> Report {
     let arm = Arm::of(place);
@@ -139,17 +139,22 @@ fn is_unbroken(image: &CommandImage) -> bool {
         .all(|point| point.has_position == 1 && point.owner == first.owner && first.owner != 0)
 }
 
-/// Largest velocity and acceleration of any joint among the newest set-points, relative to its limit.
-fn shares(image: &CommandImage, [velocity_max, acceleration_max]: [[f64; 7]; 2]) -> [f64; 2] {
+/// Largest velocity, acceleration and jerk of any joint among the newest set-points, relative to its limit: differences of
+/// two, three and four of them.
+fn shares(image: &CommandImage, limits: [[f64; 7]; 3]) -> [f64; 3] {
     let points = newest(image);
-    let mut shares = [0.0f64; 2];
-    for window in points.windows(3) {
+    let mut shares = [0.0f64; 3];
+    for window in points.windows(4) {
         for joint in 0..7 {
-            let [c, b, a] = [0, 1, 2].map(|index| window[index].position[joint]);
-            let velocity = (c - b) / PERIOD_S;
-            let acceleration = (c - 2.0 * b + a) / (PERIOD_S * PERIOD_S);
-            shares[0] = shares[0].max(velocity.abs() / velocity_max[joint]);
-            shares[1] = shares[1].max(acceleration.abs() / acceleration_max[joint]);
+            let [d, c, b, a] = [0, 1, 2, 3].map(|index| window[index].position[joint]);
+            let rates = [
+                (d - c) / PERIOD_S,
+                (d - 2.0 * c + b) / PERIOD_S.powi(2),
+                (d - 3.0 * c + 3.0 * b - a) / PERIOD_S.powi(3),
+            ];
+            for ((share, rate), limits) in shares.iter_mut().zip(rates).zip(limits) {
+                *share = share.max(rate.abs() / limits[joint]);
+            }
         }
     }
     shares

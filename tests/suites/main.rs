@@ -37,6 +37,7 @@ mod remote;
 mod robotics_api;
 mod rt_calls;
 mod rules;
+mod rules_interrupted;
 mod services;
 mod several_arms;
 mod streams;
