@@ -69,6 +69,21 @@ def test_a_condition_names_the_outcome():
     arm.lin([0.538, 0.1, 0.234]).until(arm.force.x > 12 * rcc.N).until(arm.input("contact")).net().check()
 
 
+def test_legs_wait_for_a_condition_and_end_by_one():
+    def goal(z):
+        return {"xyz": [0.538, 0, z], "rpy": [0, "deg(180)", 0]}
+
+    touch = abs(arm.force.z) > 12 * rcc.N
+    down = {"lin": goal(0.234), "velocity": "0.1 m/s", "until": touch}
+    back = {"lin": goal(0.384), "velocity": "0.1 m/s"}
+    path = arm.path([down, back]).net()
+    met, missed = (path.simulate(**options).summary["cycles"] for options in ({"wall": "0,0,0.3,0,0,1"}, {}))
+    assert met < missed
+    waits = arm.path([{**back, "wait": arm.input("contact")}]).net()
+    waits.check()
+    assert waits.simulate(cancel_at="1s").summary["reason"] == "canceled"
+
+
 def test_a_canceled_motion_rests_on_its_path_and_its_output_is_off():
     weld = arm.lin([0.538, -0.15, 0.384], velocity=0.1 * rcc.m / rcc.s)
     result = weld.switch(arm.output("torch"), on=0 * rcc.m, off=1 * rcc.m).net().simulate(cancel_at="1s")

@@ -7,10 +7,10 @@ mod fault;
 pub mod leg_row;
 mod legs;
 
-pub use fault::{MotionFault, Quantity};
+pub use fault::{AfterUntilFault, MotionFault, Quantity};
 pub use legs::{
-    ArcOrientation, ElbowMotion, LEGS_MAX, Leg, MotionLimits, PathRequest, PathSegment, RelativeTo,
-    SpeedProfile,
+    ArcOrientation, ElbowMotion, LEGS_MAX, Leg, LegConditions, LegSignals, MotionLimits,
+    PathRequest, PathSegment, RelativeTo, SpeedProfile,
 };
 
 use crate::axis::{AxisState, Phases, stop_and_go};
@@ -97,6 +97,10 @@ pub struct MotionState {
     pub speed: f64,
     /// Acceleration of the flange along the path, m/s².
     pub acceleration: f64,
+    /// At rest: the next leg waits for its condition.
+    pub waiting: bool,
+    /// The last leg with `until` that is over was ended by its condition; false before one is over.
+    pub until_met: bool,
 }
 
 /// The motions of one running net, by index. Used by the real-time thread.
@@ -106,6 +110,21 @@ pub trait Motions {
     /// The motion never leaves its path, never moves backwards, and keeps its limits for any sequence of inputs.
     /// `None`: the motion does not exist.
     fn step(&mut self, index: usize, speed_override: SpeedOverride) -> Option<MotionState>;
+
+    /// Returns the conditions that apply to motion `index` in this cycle, before its step.
+    fn leg_conditions(&self, _index: usize) -> LegConditions {
+        LegConditions::default()
+    }
+
+    /// As [`Motions::step`], with the conditions of [`Motions::leg_conditions`] evaluated.
+    fn step_leg(
+        &mut self,
+        index: usize,
+        speed_override: SpeedOverride,
+        _signals: LegSignals,
+    ) -> Option<MotionState> {
+        self.step(index, speed_override)
+    }
 
     /// Plans the motion of one axis from any state to rest at `goal`, as fast as `limits` allow; stores nothing.
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases;

@@ -60,6 +60,8 @@ impl Motions for EndlessMotion {
             distance: 0.0,
             speed: 0.0,
             acceleration: 0.0,
+            waiting: false,
+            until_met: false,
         };
         self.built.then_some(state)
     }

@@ -191,7 +191,8 @@ class Net:
     def remove_unread(self, *kinds: str) -> None:
         """Removes primitives of these types whose output nothing reads."""
         while True:
-            read = str([part.get("inputs") for part in self._primitives.values()])
+            given = self._primitives.values()
+            read = str([(part.get("inputs"), part.get("parameters", {}).get("path")) for part in given])
             unread = [
                 name
                 for name, part in self._primitives.items()
@@ -226,7 +227,7 @@ class Net:
         if name in self._primitives:
             raise ValueError(f"net {self.name} has a primitive `{name}` already: choose another name")
         body: dict[str, Any] = {"type": kind}
-        if given := {key: constant(value) for key, value in parameters.items() if value is not UNSET}:
+        if given := {key: self._parameter(value) for key, value in parameters.items() if value is not UNSET}:
             body["parameters"] = given
         if linked := {key: self._source(value) for key, value in inputs.items() if value is not UNSET}:
             body["inputs"] = linked
@@ -239,6 +240,16 @@ class Net:
         if base not in taken:
             return base
         return next(name for n in range(2, len(taken) + 3) if (name := f"{base}_{n}") not in taken)
+
+    def _parameter(self, value: Any) -> Any:
+        """A constant; the conditions of legs in it are sources."""
+        if isinstance(value, (list, tuple)) and any(isinstance(part, Mapping) for part in value):
+            return [self._leg(part) if isinstance(part, Mapping) else constant(part) for part in value]
+        return constant(value)
+
+    def _leg(self, leg: Mapping[str, Any]) -> dict[str, Any]:
+        conditions = ("wait", "until")
+        return {str(key): self._source(part) if key in conditions else constant(part) for key, part in leg.items()}
 
     def _source(self, value: Any) -> Any:
         if isinstance(value, (Port, Block)):

@@ -110,7 +110,10 @@ class Motion(Action):
             stopped = net.Latch(set=known, reset=False)
             stop = net.Or(a=stop, b=stopped).out
         inputs = {"stop": stop}
-        move = net.add(self.kind, parameters={"device": self.arm.device, **self.parameters}, inputs=inputs)
+        parameters = {"device": self.arm.device, **self.parameters}
+        if "path" in parameters:
+            parameters["path"] = [_with_conditions(leg, scope) for leg in parameters["path"]]
+        move = net.add(self.kind, parameters=parameters, inputs=inputs)
         net.JointPositionCommand(device=self.arm.device, position=move.joints)
         for each in self.outputs:
             burns = (move.distance > each.on) & (move.distance < each.off) & ~(stop | move.done)
@@ -144,6 +147,11 @@ class Motion(Action):
         if left := [key for key in given if key not in taken]:
             raise ValueError(f"`{left[0]}` of `{self.name}` is not possible in a blended sequence, which takes {taken}")
         return {**leg, **given}
+
+
+def _with_conditions(leg: Mapping[str, Any], scope: Scope) -> dict[str, Any]:
+    """The leg with its `wait` and `until` as ports of the net."""
+    return {key: part.on(scope) if isinstance(part, Expr) else part for key, part in leg.items()}
 
 
 def _add_events(scope: Scope, output: Output, events: list[Event], motion: tuple[Any, Any], end: End) -> End:
@@ -282,7 +290,7 @@ class Arm:
         return Motion(self, "CircularMotion", {"via": via, "to": pose(to), **parameters}, until, name="circ")
 
     def path(self, legs: Sequence[Mapping[str, Any]], *, until: Expr | None = None, **parameters: Value) -> Motion:
-        """Legs with blends in one motion; see `MotionSequence`."""
+        """Legs with blends in one motion; see `MotionSequence`. `wait` and `until` of a leg are conditions."""
         return Motion(self, "MotionSequence", {"path": legs, **parameters}, until, name="path")
 
 

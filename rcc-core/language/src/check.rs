@@ -48,6 +48,7 @@ const CHECKS: &[Check] = &[
     motions::parameters_do_not_contradict,
     motions::joint_motions_have_a_goal,
     motions::turns_have_a_bit_for_each_joint,
+    motions::conditions_of_legs_are_connected,
     motions::goals_are_within_range,
     motions::motion_outputs_are_read,
     motions::commands_are_not_null,

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`parse`](mod@crate::parse) | [`Net`](crate::syntax::Net): the text as a tree |
 //! | [`library`](crate::library) | the fragments of the libraries that it names |
+//! | [`leg_conditions`](mod@crate::leg_conditions) | `wait` and `until` of legs as inputs |
 //! | [`formula`](mod@crate::formula) | primitives instead of expressions |
 //! | [`expand`](mod@crate::expand) | [`ExpandedNet`](crate::expand::ExpandedNet): primitives instead of instances |
 //! | [`resolve`](mod@crate::resolve) | [`NetGraph`](crate::resolve::NetGraph): numbers instead of names |
@@ -22,6 +23,7 @@ use crate::devices::DeviceTable;
 use crate::expand::expand;
 use crate::formula::{self, PortWords};
 use crate::infer::{Typed, infer};
+use crate::leg_conditions;
 use crate::library::{LibrarySource, NoLibraries, read_libraries};
 use crate::lower::{Lowered, lower, prove};
 use crate::names::{Names, names};
@@ -87,6 +89,7 @@ impl<'a> Compiler<'a> {
     ) -> Option<(Compiled, T)> {
         let mut net = parse(text, file, self.cell, self.notations, diagnostics)?;
         let mut library = read_libraries(&net.uses, file, self.libraries, sources, diagnostics);
+        leg_conditions::connect(&mut net, &mut library, diagnostics);
         *words = formula::lower(&mut net, &mut library, sources, diagnostics);
         let expanded = expand(net, &library, sources, diagnostics)?;
         let graph = resolve(&expanded, self.cell, diagnostics);

@@ -27,6 +27,7 @@ mod values;
 use rcc_config::diagnostic::Diagnostic;
 use rcc_config::yaml::Key;
 
+use crate::leg_conditions;
 use crate::source_map::SourceMap;
 use crate::syntax::fragment::Fragment;
 use crate::syntax::{Net, Primitive, PrimitiveKind, Source};
@@ -82,6 +83,7 @@ pub fn lower(
 
 /// Replaces all expressions of a net without libraries, and decides about its products. For programs that export a net.
 pub fn lower_alone(net: &mut Net, text: &str, file: &str, diagnostics: &mut Vec<Diagnostic>) {
+    leg_conditions::connect(net, &mut [], diagnostics);
     lower(net, &mut [], &SourceMap::new(file, text), diagnostics);
     choose_products(&mut net.primitives);
 }

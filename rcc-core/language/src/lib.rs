@@ -1,7 +1,7 @@
 //! The compiler of nets: from text to a checked net and its plan, with all errors of the text reported at once. Runs on
 //! the loader's threads and in `rcc-cli check`; not real-time.
 //!
-//! `compile` runs the passes in order: [`parse`], `library`, `formula`, `expand`, `resolve`, `infer`, `check`, `lower`; each is the
+//! `compile` runs the passes in order: [`parse`], `library`, `leg_conditions`, `formula`, `expand`, `resolve`, `infer`, `check`, `lower`; each is the
 //! module of its name. [`syntax`] is what they begin with, `names` what users see of the plan.
 
 pub mod bundle;
@@ -16,6 +16,7 @@ pub mod format;
 pub mod formula;
 pub mod infer;
 pub mod input_values;
+pub mod leg_conditions;
 pub mod library;
 pub mod lower;
 pub mod names;

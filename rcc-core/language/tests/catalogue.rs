@@ -41,9 +41,20 @@ enum Inputs {
 
 /// A primitive alone in a net, connected to `Input`s.
 fn text(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
-    let given = parameters(spec, open, random)?;
+    let mut given = parameters(spec, open, random)?;
     let (mut wires, mut more) = (Vec::new(), String::new());
     for port in spec.inputs {
+        if port.name == "conditions" {
+            // Made from the legs.
+            given = given.replace("blend: 20 mm", "wait: ready.value, until: over.value");
+            for name in ["ready", "over"] {
+                let initial = constant(Type::Bool, random);
+                more.push_str(&format!(
+                    "  {name}: {{type: Input, parameters: {{initial: {initial}}}}}\n"
+                ));
+            }
+            continue;
+        }
         let mut input = |name: String, ty: Type| {
             let initial = constant(ty, random);
             more.push_str(&format!(

@@ -6,6 +6,7 @@
 //! solver for a single axis is used (module [`goal`]); the tests use it as a reference for everything else.
 #![forbid(unsafe_code)]
 
+mod after_until;
 pub mod geometry;
 pub mod goal;
 mod jerk_profile;

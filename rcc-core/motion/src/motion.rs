@@ -2,17 +2,19 @@
 //! stepped by the real-time thread (this does not).
 
 use rcc_core::axis::{AxisState, Phases};
-use rcc_core::frame::{DeviceModel, PrepareFault, arm_at_rest};
-use rcc_core::message::Joints;
 use rcc_core::path::{
-    LEGS_MAX, MotionBuilder, MotionFault, MotionLimits, MotionState, Motions, PathRequest,
-    PathState, SpeedOverride,
+    LegConditions, LegSignals, MotionLimits, MotionState, Motions, PathState, SpeedOverride,
 };
 
+use crate::after_until::{LineFromRest, RestPoint};
 use crate::goal;
-use crate::path_clock::{CLOCK_WORDS, PathClock};
+use crate::path_clock::{CLOCK_WORDS, PathBounds, PathClock};
 use crate::planned_path::speed_limits::BrakingLimits;
-use crate::planned_path::{ArmStart, MotionSection, PathPoint, PlannedPath, ReducedBlend, build};
+use crate::planned_path::{MotionSection, PathPoint, PlannedPath, ReducedBlend};
+
+mod builder;
+
+pub use builder::MotionSetBuilder;
 
 /// A motion along a path.
 #[derive(Debug, Clone)]
@@ -27,6 +29,11 @@ pub struct Motion {
     braking: Option<Braking>,
     /// Sum of the lengths of all sections, in units of the clock.
     length: f64,
+    progress: LegProgress,
+    /// Set while a leg is travelled from where `until` ended the leg before.
+    line: Option<LineFromRest>,
+    /// Limits of the clock on that line; allocated when the motion is built.
+    line_bounds: PathBounds,
 }
 
 /// State of a stop on a section with a time law.
@@ -38,22 +45,115 @@ struct Braking {
     stop: usize,
 }
 
-/// Words saved per motion: section, value of the clock at which braking began, index of the braking limits, and the
-/// clock.
-const WORDS: usize = CLOCK_WORDS + 3;
+/// How far a motion is in its legs.
+#[derive(Debug, Clone, Copy, Default)]
+struct LegProgress {
+    /// A stop was requested: the motion never begins another leg.
+    stopped: bool,
+    /// `until` is ending the current leg.
+    ending: bool,
+    /// The last leg with `until` that is over was ended by it.
+    until_met: bool,
+    /// Index of the leg of the last set-point.
+    leg: u32,
+    /// Distance that the flange travelled more than planned, because legs were ended early, m.
+    detour_m: f64,
+}
+
+/// Words saved per motion: section, value of the clock at which braking began, index of the braking limits, progress of
+/// the legs, detour, the point from which a line begins, and the clock.
+const WORDS: usize = CLOCK_WORDS + 5 + LineFromRest::WORDS;
+
+impl LegProgress {
+    /// Everything but the detour, and whether a line is being travelled, in one word.
+    fn word(&self, line: bool) -> u64 {
+        u64::from(self.stopped)
+            | u64::from(self.ending) << 1
+            | u64::from(self.until_met) << 2
+            | u64::from(line) << 3
+            | u64::from(self.leg) << 32
+    }
+
+    /// Returns the progress of a word, and whether a line was being travelled.
+    fn of(word: u64, detour_m: f64) -> (Self, bool) {
+        let progress = Self {
+            stopped: word & 1 != 0,
+            ending: word & 2 != 0,
+            until_met: word & 4 != 0,
+            leg: (word >> 32) as u32,
+            detour_m,
+        };
+        (progress, word & 8 != 0)
+    }
+}
 
 impl Motion {
     fn reset(&mut self) {
         (self.section, self.clock, self.braking) = (0, PathClock::new(), None);
+        (self.progress, self.line) = (LegProgress::default(), None);
     }
 
-    fn step(&mut self, speed_override: SpeedOverride) -> MotionState {
-        let stopping = speed_override.stop || self.clock.last().stopping;
-        if stopping && let Some(state) = self.brake() {
+    /// The conditions that apply in this cycle.
+    fn conditions(&self) -> LegConditions {
+        let Some(section) = self.sections.get(self.section) else {
+            return LegConditions::default();
+        };
+        let begun = self.clock.has_begun();
+        let LegProgress {
+            stopped,
+            ending,
+            leg,
+            ..
+        } = self.progress;
+        let [first, last] = section.legs;
+        let on_last_leg = if begun { leg >= last } else { first == last };
+        let over = stopped || ending || self.clock.last().done;
+        LegConditions {
+            wait: section.wait.filter(|_| !begun && !over),
+            until: section.until.filter(|_| on_last_leg && !over),
+        }
+    }
+
+    fn step(&mut self, speed_override: SpeedOverride, signals: LegSignals) -> MotionState {
+        let conditions = self.conditions();
+        self.progress.stopped |= speed_override.stop;
+        if !self.progress.stopped {
+            if conditions.wait.is_some() && !signals.begin {
+                return self.waiting();
+            }
+            self.progress.ending |= conditions.until.is_some() && signals.end;
+        }
+        let speed_override = SpeedOverride {
+            stop: self.progress.stopped || self.progress.ending,
+            ..speed_override
+        };
+        let (mut path, point) = match self.line {
+            Some(line) => self.step_line(&line, speed_override),
+            None => {
+                let (path, mut point) = self.step_planned(speed_override);
+                point.distance += self.progress.detour_m;
+                (path, point)
+            }
+        };
+        path.stopping = self.progress.stopped;
+        self.progress.leg = point.leg;
+        let state = self.at(path, point);
+        if path.done && !self.progress.stopped {
+            return self.end_section(state);
+        }
+        state
+    }
+
+    /// One cycle on the planned path.
+    fn step_planned(&mut self, speed_override: SpeedOverride) -> (PathState, PathPoint) {
+        if speed_override.stop
+            && let Some(state) = self.brake()
+        {
             return state;
         }
         let Some(section) = self.sections.get(self.section) else {
-            return self.state(Default::default());
+            let path = PathState::default();
+            return (path, self.planned_path.at(path.s));
         };
         let MotionSection { begin, bounds, .. } = section;
         let timed = section.stops.is_some();
@@ -68,17 +168,123 @@ impl Motion {
         }
         // The sum may exceed the beginning of the next section by one rounding error.
         path.s = (path.s + begin).min(end);
-        if path.done && !path.stopping && self.section + 1 < self.sections.len() {
-            // At rest between two sections: the next section begins in the next cycle.
-            (self.section, self.clock) = (self.section + 1, PathClock::new());
-            path.done = false;
+        (path, self.planned_path.at(path.s))
+    }
+
+    /// One cycle on a line from where `until` ended the leg before.
+    fn step_line(
+        &mut self,
+        line: &LineFromRest,
+        speed_override: SpeedOverride,
+    ) -> (PathState, PathPoint) {
+        let before = line.at(self.clock.last().s).pose;
+        let path = self.clock.step(&self.line_bounds, speed_override);
+        let (on_line, mut point) = self.on_line(line, path.s);
+        self.progress.detour_m += before.distance_to(&point.pose);
+        point.distance += self.progress.detour_m;
+        let path = PathState {
+            s: on_line.s,
+            ..path
+        };
+        (path, point)
+    }
+
+    /// Position and point at clock value `s` of a line. The distance is that of the planned path up to the leg.
+    fn on_line(&self, line: &LineFromRest, s: f64) -> (PathState, PathPoint) {
+        let section = self.sections.get(self.section);
+        let (begin, length) = section.map_or((0.0, 0.0), |it| (it.begin, it.length));
+        let on_line = line.at(s);
+        let fraction = if line.limits.length > 0.0 {
+            s / line.limits.length
+        } else {
+            1.0
+        };
+        let point = PathPoint {
+            pose: on_line.pose,
+            joints: on_line.joints,
+            leg: section.map_or(0, |section| section.legs[0]),
+            distance: self.planned_path.at(begin).distance,
+            metres_per_s: on_line.metres_per_s,
+            speed_slope: 0.0,
+        };
+        let path = PathState {
+            s: begin + length * fraction,
+            ..PathState::default()
+        };
+        (path, point)
+    }
+
+    /// At rest at the beginning of the section, whose condition does not hold.
+    fn waiting(&mut self) -> MotionState {
+        let section = self.sections.get(self.section);
+        let (begin, leg) = section.map_or((0.0, 0), |it| (it.begin, it.legs[0]));
+        let (path, mut point) = match &self.line {
+            Some(line) => self.on_line(line, 0.0),
+            None => {
+                let path = PathState {
+                    s: begin,
+                    ..PathState::default()
+                };
+                (path, self.planned_path.at(begin))
+            }
+        };
+        point.leg = leg;
+        point.distance += self.progress.detour_m;
+        self.progress.leg = leg;
+        MotionState {
+            waiting: true,
+            ..self.at(path, point)
         }
-        self.state(path)
+    }
+
+    /// At rest at the end of a section, or where `until` ended it: the next section begins in the next cycle.
+    fn end_section(&mut self, mut state: MotionState) -> MotionState {
+        let Some(section) = self.sections.get(self.section) else {
+            return state;
+        };
+        let ending = self.progress.ending;
+        if section.until.is_some() {
+            self.progress.until_met = ending;
+            state.until_met = self.progress.until_met;
+        }
+        let Some(next) = self.sections.get(self.section + 1) else {
+            return state;
+        };
+        let before_end = match &self.line {
+            Some(line) => self.clock.last().s < line.limits.length,
+            None => state.path.s < next.begin,
+        };
+        let early = ending && before_end;
+        let line = next.after_until.as_ref().filter(|_| early);
+        let line = line.and_then(|leg| {
+            leg.from(RestPoint {
+                joints: state.joints,
+                pose: state.pose,
+                clock_value: state.path.s,
+            })
+        });
+        if early && line.is_none() {
+            // The builder refuses legs that cannot follow; without one the motion stays where it is.
+            self.progress.stopped = true;
+            return state;
+        }
+        if early || self.line.is_some() {
+            let planned_m = self.planned_path.at(next.begin).distance;
+            self.progress.detour_m = state.distance - planned_m;
+        }
+        self.progress.ending = false;
+        self.line = line;
+        if let Some(line) = &self.line {
+            self.line_bounds.become_line(&line.limits);
+        }
+        (self.section, self.clock, self.braking) = (self.section + 1, PathClock::new(), None);
+        state.path.done = false;
+        state
     }
 
     /// Stops on a section with a time law by counting the path parameter directly, as soon as the state satisfies a set
     /// of braking limits: the time law alone would keep accelerating while its time is slowed down.
-    fn brake(&mut self) -> Option<MotionState> {
+    fn brake(&mut self) -> Option<(PathState, PathPoint)> {
         let MotionSection { begin, stops, .. } = self.sections.get(self.section)?;
         let (begin, stops) = (*begin, stops.as_ref()?);
         let begin_s = self.planned_path.section_begin_s(begin);
@@ -106,11 +312,20 @@ impl Motion {
             s: self.planned_path.clock_value_at(begin, s).max(clock_value),
             ..path_state
         };
-        Some(self.at(path, self.planned_path.at_path_parameter(s)))
+        Some((path, self.planned_path.at_path_parameter(s)))
     }
 
-    fn state(&self, path: PathState) -> MotionState {
-        self.at(path, self.planned_path.at(path.s))
+    /// Restores the progress of the legs, and the line that is made from the point where it begins.
+    fn restore_legs(&mut self, word: u64, detour_m: f64, line: &[u64; LineFromRest::WORDS]) {
+        let (progress, on_line) = LegProgress::of(word, detour_m);
+        let section = self.sections.get(self.section);
+        let leg = section.and_then(|section| section.after_until.as_ref());
+        let leg = leg.filter(|_| on_line);
+        self.progress = progress;
+        self.line = leg.and_then(|leg| leg.from(RestPoint::from_words(line)));
+        if let Some(line) = &self.line {
+            self.line_bounds.become_line(&line.limits);
+        }
     }
 
     fn at(&self, path: PathState, point: PathPoint) -> MotionState {
@@ -129,6 +344,8 @@ impl Motion {
             speed: path.velocity * point.metres_per_s,
             acceleration: path.acceleration * point.metres_per_s
                 + path.velocity * path.velocity * point.speed_slope,
+            waiting: false,
+            until_met: self.progress.until_met,
         }
     }
 }
@@ -177,7 +394,11 @@ impl MotionSet {
                 .braking
                 .map(|of| [of.clock_value.to_bits(), of.stop as u64]);
             let [clock_value, stop] = braking.unwrap_or([f64::NAN.to_bits(), 0]);
-            each(&[motion.section as u64, clock_value, stop]);
+            let line = motion.line.as_ref().map(LineFromRest::words);
+            let progress = motion.progress.word(line.is_some());
+            let detour = motion.progress.detour_m.to_bits();
+            each(&[motion.section as u64, clock_value, stop, progress, detour]);
+            each(&line.unwrap_or_default());
             each(&motion.clock.words());
         }
     }
@@ -189,7 +410,10 @@ impl MotionSet {
         if motions.len() != self.0.len() || !rest.is_empty() {
             return None;
         }
-        for (motion, [section, clock_value, stop, clock @ ..]) in self.0.iter_mut().zip(motions) {
+        for (motion, words) in self.0.iter_mut().zip(motions) {
+            let [section, clock_value, stop, progress, detour, rest @ ..] = words;
+            let (line, clock) = rest.split_first_chunk::<{ LineFromRest::WORDS }>()?;
+            let clock = clock.first_chunk::<CLOCK_WORDS>()?;
             // An invalid section number leaves the motion at its start.
             motion.section = usize::try_from(*section).unwrap_or(usize::MAX);
             let clock_value =
@@ -199,6 +423,7 @@ impl MotionSet {
                 stop: usize::try_from(*stop).unwrap_or(usize::MAX),
             });
             motion.clock = PathClock::from_words(clock);
+            motion.restore_legs(*progress, f64::from_bits(*detour), line);
         }
         Some(())
     }
@@ -206,119 +431,28 @@ impl MotionSet {
 
 impl Motions for MotionSet {
     fn step(&mut self, index: usize, speed_override: SpeedOverride) -> Option<MotionState> {
+        self.step_leg(index, speed_override, LegSignals::RUN)
+    }
+
+    fn leg_conditions(&self, index: usize) -> LegConditions {
         self.0
-            .get_mut(index)
-            .map(|motion| motion.step(speed_override))
+            .get(index)
+            .map(Motion::conditions)
+            .unwrap_or_default()
+    }
+
+    fn step_leg(
+        &mut self,
+        index: usize,
+        speed_override: SpeedOverride,
+        signals: LegSignals,
+    ) -> Option<MotionState> {
+        let motion = self.0.get_mut(index)?;
+        Some(motion.step(speed_override, signals))
     }
 
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         goal::plan(from, goal, limits)
-    }
-}
-
-/// Builds the motions of one net.
-#[derive(Debug)]
-pub struct MotionSetBuilder<'a> {
-    models: &'a [DeviceModel],
-    holds: &'a [Option<Joints>],
-    dt_s: f64,
-    motions: Vec<Option<Motion>>,
-}
-
-impl<'a> MotionSetBuilder<'a> {
-    /// A builder for a net of `count` motions that is evaluated every `dt_s` (s), with arms at rest at `holds` (rad, by
-    /// device; `None`: not known).
-    #[must_use]
-    pub fn new(
-        models: &'a [DeviceModel],
-        holds: &'a [Option<Joints>],
-        dt_s: f64,
-        count: u32,
-    ) -> MotionSetBuilder<'a> {
-        MotionSetBuilder {
-            models,
-            holds,
-            dt_s,
-            motions: vec![None; count as usize],
-        }
-    }
-
-    /// Returns all motions.
-    ///
-    /// # Errors
-    /// [`PrepareFault::Motion`] if a motion was not requested by any primitive.
-    pub fn finish(self) -> Result<MotionSet, PrepareFault> {
-        let motions = self.motions.into_iter().zip(0..);
-        let motions = motions.map(|(built, motion)| {
-            built.ok_or(PrepareFault::Motion {
-                motion,
-                leg: 0,
-                fault: MotionFault::NoMotion,
-            })
-        });
-        Ok(MotionSet(motions.collect::<Result<_, _>>()?))
-    }
-}
-
-impl MotionSetBuilder<'_> {
-    fn motion(&self, request: &PathRequest<'_>) -> Result<Motion, MotionBuildFault> {
-        let count = request.legs.len();
-        if count == 0 || count > LEGS_MAX {
-            let count = u32::try_from(count).unwrap_or(u32::MAX);
-            return Err((0, MotionFault::Legs { count }).into());
-        }
-        let (arm, hold) = arm_at_rest(self.models, self.holds, request.device)?;
-        let model = self.models.get(request.device as usize);
-        let model = model.ok_or((0, MotionFault::NoMotion))?;
-        let arm_start = ArmStart::starting(model, arm, hold, request.from);
-        let arm_start = arm_start.map_err(|fault| (0, fault))?;
-        let (planned_path, sections) = build(arm_start, (request.legs, request.pace), self.dt_s)?;
-        let last = sections.last();
-        Ok(Motion {
-            length: last.map_or(0.0, |section| section.begin + section.length),
-            planned_path: Box::new(planned_path),
-            sections,
-            section: 0,
-            clock: PathClock::new(),
-            braking: None,
-        })
-    }
-}
-
-/// Why a motion cannot be built.
-enum MotionBuildFault {
-    /// The arm or its hold set-point is not available.
-    Arm(PrepareFault),
-    /// Index of the leg and its fault.
-    Leg(u32, MotionFault),
-}
-
-impl From<PrepareFault> for MotionBuildFault {
-    fn from(fault: PrepareFault) -> Self {
-        Self::Arm(fault)
-    }
-}
-
-impl From<(u32, MotionFault)> for MotionBuildFault {
-    fn from((leg, fault): (u32, MotionFault)) -> Self {
-        Self::Leg(leg, fault)
-    }
-}
-
-impl MotionBuilder for MotionSetBuilder<'_> {
-    fn path(&mut self, index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault> {
-        let fault = |leg, fault| PrepareFault::Motion {
-            motion: index,
-            leg,
-            fault,
-        };
-        let motion = self.motion(request).map_err(|error| match error {
-            MotionBuildFault::Arm(error) => error,
-            MotionBuildFault::Leg(leg, error) => fault(leg, error),
-        })?;
-        let point = self.motions.get_mut(index as usize);
-        *point.ok_or(fault(0, MotionFault::NoMotion))? = Some(motion);
-        Ok(())
     }
 }
 

@@ -136,6 +136,11 @@ impl PathClock {
         self.last
     }
 
+    /// Returns true after the first step.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.command != ClockCommand::None
+    }
+
     /// Returns to the state after [`PathClock::new`].
     pub fn reset(&mut self) {
         *self = Self::default();

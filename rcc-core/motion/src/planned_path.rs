@@ -12,6 +12,7 @@ use rcc_core::pose::Pose;
 use rcc_core::types::NULL_REAL;
 use rcc_core::vector;
 
+use crate::after_until::LegAfterUntil;
 use crate::geometry::chain::{Chain, ChainPiece, ShapePoint};
 use crate::geometry::jet::{Jet, JetScalar};
 use crate::path_clock::PathBounds;
@@ -30,6 +31,7 @@ pub(crate) mod speed_limits;
 mod time_law;
 mod time_optimal;
 
+pub(crate) use leg_shape::metric;
 pub(crate) use path_builder::build;
 
 /// Steps per piece at which a path is first sampled when its motion is built.
@@ -108,6 +110,14 @@ pub(crate) struct MotionSection {
     /// Only for a section with a time law, which is at rest at both ends by itself, so that its clock starts and ends
     /// at speed: limits for stops that count the path parameter directly.
     pub(crate) stops: Option<Box<[BrakingLimits]>>,
+    /// Indices of its first and its last leg.
+    pub(crate) legs: [u32; 2],
+    /// Index of the condition before which it does not begin.
+    pub(crate) wait: Option<u32>,
+    /// Index of the condition that ends its last leg.
+    pub(crate) until: Option<u32>,
+    /// If `until` may end the section before: how its leg is travelled from there.
+    pub(crate) after_until: Option<Box<LegAfterUntil>>,
 }
 
 /// How a section maps clock values to the path parameter s: directly, or through a time law.
@@ -278,14 +288,7 @@ impl PlannedPath {
         }
         match piece.at(Jet::variable(s)) {
             ShapePoint::Flange(point) => vector::norm(point.position.map(|x: Jet| x.derivative(1))),
-            ShapePoint::Joints(jets) => {
-                let rows = self.arm.jacobian(&jets.map(JetScalar::value));
-                let [x, y, z, ..] = rows.map(|row| {
-                    let products = row.iter().zip(jets);
-                    products.map(|(slope, jet)| slope * jet.derivative(1)).sum()
-                });
-                vector::norm([x, y, z])
-            }
+            ShapePoint::Joints(jets) => flange_speed(self.arm, &jets),
         }
     }
 }
@@ -301,12 +304,22 @@ impl InverseHints {
     }
 }
 
+/// Speed of the flange per unit of s, |dx/ds|, on a line of joints.
+pub(crate) fn flange_speed(arm: Arm, jets: &[Jet; JOINTS_MAX]) -> f64 {
+    let rows = arm.jacobian(&jets.map(JetScalar::value));
+    let [x, y, z, ..] = rows.map(|row| {
+        let products = row.iter().zip(jets);
+        products.map(|(slope, jet)| slope * jet.derivative(1)).sum()
+    });
+    vector::norm([x, y, z])
+}
+
 fn fraction_of(offset: f64, length: f64) -> f64 {
     if length > 0.0 { offset / length } else { 0.0 }
 }
 
 /// Velocity, acceleration and jerk of each joint, as `[v, a, j]`; infinite beyond the joints.
-fn joint_bounds(limits: &JointLimits, scale: f64) -> [[f64; 3]; JOINTS_MAX] {
+pub(crate) fn joint_bounds(limits: &JointLimits, scale: f64) -> [[f64; 3]; JOINTS_MAX] {
     core::array::from_fn(|joint| {
         if joint < limits.joints {
             [

@@ -14,6 +14,38 @@ pub enum Quantity {
     Joint(u8),
 }
 
+/// Why a leg cannot follow a leg that `until` may end anywhere on its way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum AfterUntilFault {
+    /// It is neither a `ptp` nor a `lin`.
+    Shape,
+    /// Its goal is relative to its beginning, which is not known before the motion.
+    Relative,
+    /// It, or the leg before it, turns the elbow.
+    Elbow,
+    /// A `lin` follows, but the leg before it is a `ptp`, or does not begin at rest at a place that is known before START.
+    Start,
+    /// A pose on the line to the goal is out of reach.
+    Unreachable,
+    /// A joint would exceed its position limit on the line to the goal.
+    JointRange {
+        /// The joint, from 0.
+        joint: u8,
+    },
+    /// The line to the goal passes through a singularity.
+    Singular {
+        /// The joint that would jump, from 0.
+        joint: u8,
+    },
+    /// The given speed is too fast on the line to the goal.
+    TooFast {
+        /// Fraction of the given speed that is possible.
+        possible: f64,
+    },
+    /// The line to the goal ends with other joints than planned, or is no line.
+    Other,
+}
+
 /// The reason why a leg of a path cannot be travelled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum MotionFault {
@@ -55,6 +87,16 @@ pub enum MotionFault {
     NoRoomForElbow,
     /// A Status is given, but the arm has seven joints and therefore none.
     NoStatus,
+    /// `wait` where the motion does not rest before the leg, `until` where it does not rest after it, or a blend at the
+    /// end of the leg that follows `until`.
+    NotAtRest,
+    /// The leg cannot begin everywhere where `until` may end the leg before it.
+    AfterUntil {
+        /// Position on the leg before, 0 to 1, from which it cannot begin.
+        fraction: f64,
+        /// Why.
+        fault: AfterUntilFault,
+    },
     /// The flange pose is out of reach.
     Unreachable {
         /// Position on the leg, 0 to 1.

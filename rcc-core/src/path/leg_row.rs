@@ -16,12 +16,13 @@
 //! | 23 | relative: 1 to the tool, 2 in axes of the base |
 //! | 24 | arm angle at the end, rad |
 //! | 25 | elbow: 1 to the middle of its range |
+//! | 26, 27 | indices of the conditions `wait` and `until` |
 
 use super::{ArcOrientation, ElbowMotion, Leg, MotionLimits, PathSegment, RelativeTo};
 use crate::pose::Pose;
 
 /// Numbers per leg.
-pub const WIDTH: usize = 26;
+pub const WIDTH: usize = 28;
 
 /// `ptp` to joints.
 pub const PTP_JOINTS: f64 = 0.0;
@@ -38,6 +39,9 @@ pub const SPLINE: f64 = 5.0;
 
 /// The column of KUKA's Turn, in a row of [`PTP_POSE`].
 pub const TURN: usize = 10;
+
+/// The column of the condition `wait`; that of `until` follows.
+pub const WAIT: usize = 26;
 
 /// Orientations on an arc, by their number in a row.
 pub const ORIENTATIONS: &[&str] = &["even", "constant", "path"];
@@ -85,6 +89,8 @@ pub fn leg<'a>(row: &LegRow, through: &'a [Pose]) -> Option<Leg<'a>> {
         relative,
         arm_angle,
         elbow,
+        wait,
+        until,
     ] = *row;
     let to = pose(row);
     let segment = if kind == PTP_JOINTS {
@@ -124,7 +130,14 @@ pub fn leg<'a>(row: &LegRow, through: &'a [Pose]) -> Option<Leg<'a>> {
         turn: MotionLimits::of([w, wa, wj]),
         scale: if scale.is_nan() { 1.0 } else { scale },
         blend: if blend.is_nan() { 0.0 } else { blend },
+        wait: condition(wait),
+        until: condition(until),
     })
+}
+
+/// Returns the index of a condition, at most one `wait` and one `until` for each leg; null: none.
+fn condition(number: f64) -> Option<u32> {
+    (0..2 * super::LEGS_MAX as u32).find(|index| f64::from(*index) == number)
 }
 
 /// Returns the elbow motion for the arm angle at the end (null: not given) and the number of a keyword.

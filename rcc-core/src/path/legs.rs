@@ -136,6 +136,10 @@ pub struct Leg<'a> {
     /// Blend distance before and after its end, m, within which the path is rounded into the next leg; 0: it comes to
     /// rest at its end.
     pub blend: f64,
+    /// Index of the condition that must hold before it begins.
+    pub wait: Option<u32>,
+    /// Index of the condition that ends it early: the arm stops on the path, and the next leg begins there.
+    pub until: Option<u32>,
 }
 
 impl<'a> Leg<'a> {
@@ -150,8 +154,36 @@ impl<'a> Leg<'a> {
             turn: MotionLimits::NONE,
             scale: 1.0,
             blend: 0.0,
+            wait: None,
+            until: None,
         }
     }
+}
+
+/// The conditions that apply to a motion in a cycle, as indices into the conditions of its primitive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LegConditions {
+    /// The leg that is due does not begin before this condition holds.
+    pub wait: Option<u32>,
+    /// The current leg ends when this condition holds.
+    pub until: Option<u32>,
+}
+
+/// The conditions of a leg in one cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LegSignals {
+    /// The leg that is due may begin; without effect if it has no condition.
+    pub begin: bool,
+    /// The current leg is to end; without effect if it has no condition.
+    pub end: bool,
+}
+
+impl LegSignals {
+    /// Begins every leg and ends none early.
+    pub const RUN: LegSignals = LegSignals {
+        begin: true,
+        end: false,
+    };
 }
 
 /// A path requested by a net.

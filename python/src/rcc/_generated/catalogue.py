@@ -1200,7 +1200,7 @@ class Monitor(Block):
 
 
 class MotionSequence(Block):
-    """Motions in sequence (ptp, lin, circ, spline) with optional blending and a soft stop on the path."""
+    """Motions in sequence (ptp, lin, circ, spline) with optional blending, conditions between them, and a soft stop on the path."""
 
     @property
     def joints(self) -> Port:
@@ -1241,6 +1241,21 @@ class MotionSequence(Block):
     def leg(self) -> Port:
         """Int: index of the current leg, from 0; a blend belongs to the leg before it"""
         return self['leg']
+
+    @property
+    def waiting(self) -> Port:
+        """Bool: at rest: the next leg waits for its `wait`"""
+        return self['waiting']
+
+    @property
+    def unknown(self) -> Port:
+        """Bool: the condition that the next leg waits for, or that ends the current one, is null: it counts as not true"""
+        return self['unknown']
+
+    @property
+    def until_met(self) -> Port:
+        """Bool: the last leg with `until` that is over was ended by it; false before one is over"""
+        return self['until_met']
 
 
 class Multiplexer(Block):
@@ -4107,20 +4122,22 @@ class Primitives(Base):
         stop: Source = UNSET,
         pause: Source = UNSET,
         speed: Source = UNSET,
+        conditions: Source = UNSET,
         name: str | None = None,
     ) -> MotionSequence:
-        """Motions in sequence (ptp, lin, circ, spline) with optional blending and a soft stop on the path.
+        """Motions in sequence (ptp, lin, circ, spline) with optional blending, conditions between them, and a soft stop on the path.
 
         device: device with an arm: name of an arm in the cell's configuration
-        path: path: legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {ptp: {pose: {xyz: ..., rpy: ...}}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`
+        path: path: legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {ptp: {pose: {xyz: ..., rpy: ...}}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`; a leg may have `wait: CONDITION` (it does not begin before) and `until: CONDITION` (it ends then)
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
         pause: Bool: brings the motion to rest on the path; when false again, the motion continues; default false
         speed: Real [1]: speed override, may change at any time; computed values above 1 count as 1, values of 0 or less are a pause; default 1
+        conditions: Bool[o]: made from `wait` and `until` of the legs, in their order: give them there; default null
         name: name in the net; default `motionsequence` with a number
         """
-        return self._add(MotionSequence, name, {'device': device, 'path': path, 'scale': scale, 'time_optimal': time_optimal}, {'stop': stop, 'pause': pause, 'speed': speed})
+        return self._add(MotionSequence, name, {'device': device, 'path': path, 'scale': scale, 'time_optimal': time_optimal}, {'stop': stop, 'pause': pause, 'speed': speed, 'conditions': conditions})
 
     def Multiplexer(
         self,

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use rcc_core::counted::Counted;
-use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
+use rcc_core::path::{AfterUntilFault, LEGS_MAX, MotionFault, Quantity};
 
 use super::violation::angle;
 
@@ -66,6 +66,11 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             "it gives a `status`, which is defined only for arms with six joints (KUKA)".to_owned(),
             "give the `branch` instead: `ArmAngle` computes it from joint positions".to_owned(),
         ),
+        MotionFault::NotAtRest => (
+            "it has `wait` or `until`, or follows `until`, where a `blend` keeps the arm moving".to_owned(),
+            "remove `blend` from the leg before `wait`, from the leg with `until`, and from the leg after it".to_owned(),
+        ),
+        MotionFault::AfterUntil { fraction, fault } => after_until(fraction, fault, joint),
         MotionFault::Unreachable { fraction } => (
             format!("the arm cannot reach it {}", position(fraction)),
             "move the points closer to the arm, or use a `ptp` in another branch".to_owned(),
@@ -141,4 +146,49 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             )
         }
     }
+}
+
+/// Describes why a leg cannot begin where `until` may end the leg before it.
+fn after_until(
+    fraction: f64,
+    fault: AfterUntilFault,
+    joint: impl Fn(u8) -> String,
+) -> (String, String) {
+    let from = format!(
+        "`until` may end the leg before it at {:.0} % of its path, and from there",
+        fraction * 100.0
+    );
+    let another = "use a `ptp`, or another goal";
+    let (what, remedy) = match fault {
+        AfterUntilFault::Shape => (
+            "a leg after one with `until` begins anywhere on it, which an arc or a spline cannot".to_owned(),
+            "use a `ptp` or a `lin`",
+        ),
+        AfterUntilFault::Relative => (
+            "it is relative to its beginning, which is not known while `until` may end the leg before it".to_owned(),
+            "give the goal in the arm's base",
+        ),
+        AfterUntilFault::Elbow => (
+            "the elbow turns on it or on the leg before it, which `until` may end".to_owned(),
+            "turn the elbow on another leg, or use a `ptp`",
+        ),
+        AfterUntilFault::Start => (
+            "a `lin` after a leg with `until` needs a leg before it that is no `ptp` and begins at rest at a known place".to_owned(),
+            "use a `ptp`",
+        ),
+        AfterUntilFault::Unreachable => (format!("{from} a pose on the line is out of reach"), another),
+        AfterUntilFault::JointRange { joint: which } => {
+            (format!("{from} {} would exceed its range", joint(which)), another)
+        }
+        AfterUntilFault::Singular { joint: which } => (
+            format!("{from} the line passes through a singularity: {} would jump", joint(which)),
+            another,
+        ),
+        AfterUntilFault::TooFast { possible } => (
+            format!("{from} at most {:.0} % of its speed is possible", (possible * 100.0).floor()),
+            "lower `velocity`, or leave it out: the leg is then as fast as the joints allow",
+        ),
+        AfterUntilFault::Other => (format!("{from} no line leads to its goal"), another),
+    };
+    (what, remedy.to_owned())
 }

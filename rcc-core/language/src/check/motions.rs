@@ -11,6 +11,7 @@ use super::connections::read_or_discarded;
 use super::constants::constant;
 use crate::codes;
 use crate::infer::Typed;
+use crate::leg_conditions::CONDITIONS;
 use crate::resolve::{OutputId, ResolvedPrimitive};
 use crate::syntax::literal::{Literal, LiteralShape};
 
@@ -120,6 +121,43 @@ fn turn_of_leg(row: &Literal) -> Option<(f64, &Literal)> {
     };
     let number = |column: usize| columns.get(column)?.number();
     (number(0)? == leg_row::PTP_POSE).then_some((number(leg_row::TURN)?, row))
+}
+
+/// Requires that each `wait` and `until` of a leg has its condition. Those in a path that is a parameter of a fragment
+/// have none: conditions are links, which parameters cannot be.
+pub fn conditions_of_legs_are_connected(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    for item in &net.graph.items {
+        let is_connected = item
+            .primitive
+            .inputs
+            .iter()
+            .any(|(key, _)| key.name == CONDITIONS);
+        let parameters = item.spec().parameters.iter().zip(&item.parameters);
+        let paths =
+            parameters.filter(|(parameter, _)| matches!(parameter.kind, ParameterKind::Path(_)));
+        let rows = paths.filter_map(|(_, given)| match &given.as_ref()?.shape {
+            LiteralShape::List(rows) => Some(rows),
+            _ => None,
+        });
+        let has_condition = |row: &&Literal| match &row.shape {
+            LiteralShape::List(columns) => {
+                let mut conditions = columns.iter().skip(leg_row::WAIT);
+                conditions.any(|column| column.number().is_some())
+            }
+            _ => false,
+        };
+        let Some(row) = rows.flatten().find(has_condition).filter(|_| !is_connected) else {
+            continue;
+        };
+        let message = format!(
+            "the legs of `{}` are a parameter of a fragment, so `wait` and `until` have no condition",
+            item.id()
+        );
+        let diagnostic = Diagnostic::error(codes::CONTRADICTION, row.span, message);
+        diagnostics.push(diagnostic.help(
+            "write these legs in the fragment, and link the condition to an input of the fragment",
+        ));
+    }
 }
 
 /// Requires that a constant goal lies within the range of every joint: the net would wait for an unreachable goal

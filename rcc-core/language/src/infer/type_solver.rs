@@ -324,6 +324,14 @@ impl TypeSolver<'_, '_> {
                 open.learn_length(length, u16::try_from(list.count).unwrap_or(0));
             }
         }
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
+            // An array that is left to its default has one element.
+            if let (InputSource::Default(_), PortType::Array(_, length)) = (input_source, port.ty)
+                && let Some(open) = self.open.get_mut(number)
+            {
+                open.learn_length(length, 1);
+            }
+        }
         for (given, parameter) in item.parameters.iter().zip(item.spec().parameters) {
             let ParameterKind::Length(dim) = parameter.kind else {
                 continue;

@@ -1,6 +1,6 @@
 //! Constants, read independently of the port, which later determines the type. Runs on the loader's threads.
 
-mod legs;
+pub(crate) mod legs;
 mod pose;
 
 use rcc_config::diagnostic::Diagnostic;
@@ -34,6 +34,13 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
     };
     let canonical = Literal::new(shape, node.span);
     let notation = match &node.value {
+        // What the conditions of refused legs read is read.
+        Value::List(nodes) if canonical.is_refused() && legs::are_legs(nodes) => {
+            return Literal {
+                notation: Notation::Rows(node.clone()),
+                ..canonical
+            };
+        }
         _ if canonical.is_refused()
             || matches!(canonical.shape, LiteralShape::Parameterised(_)) =>
         {

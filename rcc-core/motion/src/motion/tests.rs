@@ -1,4 +1,7 @@
-use rcc_core::path::{Leg, MotionLimits, PathSegment, Quantity, SpeedProfile};
+use rcc_core::frame::PrepareFault;
+use rcc_core::path::{
+    Leg, MotionBuilder, MotionFault, MotionLimits, PathRequest, PathSegment, Quantity, SpeedProfile,
+};
 use rcc_core::pose::Pose;
 use rcc_testing::arms::{HOLD as START, lwr};
 

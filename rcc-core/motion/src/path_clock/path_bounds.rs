@@ -132,6 +132,26 @@ impl PathBounds {
         Self::new(&[piece], limits.acceleration, limits.jerk, dt_s)
     }
 
+    /// Becomes the bounds for a path with one velocity limit, without allocating; limits that [`PathBounds::of_limits`]
+    /// refuses must not be given.
+    pub(crate) fn become_line(&mut self, limits: &PathLimits) {
+        let last = self.pieces.len().saturating_sub(1);
+        for piece in &mut self.pieces {
+            *piece = LookAheadPiece {
+                end_s: limits.length,
+                velocity: limits.velocity,
+                cap: 0.0,
+                exit: 0.0,
+                braking_piece: last,
+            };
+        }
+        self.acceleration_limits = AccelerationLimits {
+            acceleration: limits.acceleration,
+            jerk: limits.jerk,
+        };
+        self.slack = SAME * limits.length;
+    }
+
     /// Path parameter at the end.
     #[must_use]
     pub fn length(&self) -> f64 {
@@ -171,7 +191,7 @@ impl PathBounds {
     }
 
     /// The lowest of the limits of ds/dt, per second.
-    pub(super) fn least_velocity(&self) -> f64 {
+    pub(crate) fn least_velocity(&self) -> f64 {
         let velocities = self.pieces.iter().map(|piece| piece.velocity);
         velocities.fold(f64::INFINITY, f64::min)
     }

@@ -385,7 +385,8 @@ fn place(from: &Pose, pose: &Pose, relative: Option<RelativeTo>) -> Pose {
     }
 }
 
-fn metric(leg: &Leg<'_>) -> PathMetric {
+/// How rotation counts in the length of a leg.
+pub(crate) fn metric(leg: &Leg<'_>) -> PathMetric {
     let radius = leg.line.velocity / leg.turn.velocity;
     PathMetric {
         radius_m: if radius.is_finite() && radius > 0.0 {

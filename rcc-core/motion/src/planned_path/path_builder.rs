@@ -1,6 +1,8 @@
 //! Builds a planned path from legs: shapes, joints along them, blends, and the limits of every piece. Run when a
 //! command is made ready; allocates.
 
+use core::ops::Range;
+
 use rcc_core::path::{Leg, MotionFault, SpeedProfile};
 
 use super::leg_shape::{BlendZone, LegShape, leg_shapes};
@@ -48,7 +50,11 @@ pub(crate) fn build(
         jets.map_err(|fault| (leg_shape.leg, fault))
     })?;
     let path = SampledPath::new((arm_start, dt_s), (&chain, &leg_shapes), pace)?;
-    let (sections, timed_sections) = path.sections(pace)?;
+    // Conditions apply to legs without a length, too.
+    let with_empty = legs
+        .iter()
+        .any(|leg| leg.wait.is_some() || leg.until.is_some());
+    let (sections, timed_sections) = path.sections(pace, with_empty)?;
     let mut distance_before_m = 0.0;
     let parts = path.pieces.into_iter().map(|sampled| {
         let part = PieceKinematics {
@@ -94,11 +100,16 @@ fn shortened(
 type BuiltSections = (Box<[MotionSection]>, Box<[TimedSection]>);
 
 impl SampledPath<'_> {
-    /// Computes the clock limits of each section from rest to rest.
-    fn sections(&self, pace: SpeedProfile) -> Result<BuiltSections, LegFault> {
+    /// Computes the clock limits of each section from rest to rest; `with_empty` keeps those of length 0.
+    fn sections(&self, pace: SpeedProfile, with_empty: bool) -> Result<BuiltSections, LegFault> {
         let (mut sections, mut timed_sections) = (Vec::new(), Vec::new());
         let mut begin = 0.0;
-        for range in self.section_ranges() {
+        for range in self.section_ranges(with_empty) {
+            let legs = self.legs_of(&range);
+            if !range.clone().any(|number| self.has_length(number)) {
+                sections.push(self.nowhere(begin, legs)?);
+                continue;
+            }
             let begin_s = self.chain.pieces().get(range.start);
             let begin_s = begin_s.map_or(0.0, |piece| piece.begin);
             let mut section_parts = SectionParts::default();
@@ -126,6 +137,10 @@ impl SampledPath<'_> {
                 length,
                 bounds,
                 stops,
+                legs,
+                wait: None,
+                until: None,
+                after_until: None,
             });
             timed_sections.push(TimedSection {
                 begin,
@@ -135,7 +150,8 @@ impl SampledPath<'_> {
             begin += length;
         }
         if sections.is_empty() {
-            sections.push(self.nowhere()?);
+            let pieces = self.chain.pieces().len();
+            sections.push(self.nowhere(0.0, self.legs_of(&(0..pieces)))?);
         }
         if timed_sections
             .iter()
@@ -146,17 +162,30 @@ impl SampledPath<'_> {
         Ok((sections.into(), timed_sections.into()))
     }
 
-    /// The section of a path of length 0.
-    fn nowhere(&self) -> Result<MotionSection, LegFault> {
+    /// Indices of the first and the last leg of a range of pieces.
+    fn legs_of(&self, range: &Range<usize>) -> [u32; 2] {
+        let leg = |number: usize| {
+            let piece = self.chain.pieces().get(number)?;
+            self.leg_shapes.get(piece.link).map(|shape| shape.leg)
+        };
+        [range.start, range.end.saturating_sub(1)].map(|number| leg(number).unwrap_or(0))
+    }
+
+    /// A section of length 0.
+    fn nowhere(&self, begin: f64, legs: [u32; 2]) -> Result<MotionSection, LegFault> {
         let piece = PathPiece {
             end_s: 0.0,
             velocity: 1.0,
         };
         let bounds = PathBounds::new(&[piece], 1.0, 1.0, self.dt_s);
         Ok(MotionSection {
-            begin: 0.0,
+            begin,
             length: 0.0,
             stops: None,
+            legs,
+            wait: None,
+            until: None,
+            after_until: None,
             bounds: bounds.map_err(|_| (0, MotionFault::NotFinite))?,
         })
     }

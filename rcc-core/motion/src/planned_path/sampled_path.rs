@@ -70,14 +70,14 @@ impl<'a> SampledPath<'a> {
         })
     }
 
-    /// The ranges of pieces from rest to rest, without those of length 0.
-    pub(super) fn section_ranges(&self) -> Vec<Range<usize>> {
+    /// The ranges of pieces from rest to rest; those of length 0 only `with_empty`.
+    pub(super) fn section_ranges(&self, with_empty: bool) -> Vec<Range<usize>> {
         let (mut all, mut first) = (Vec::new(), 0);
         let pieces = self.chain.pieces();
         for (number, piece) in pieces.iter().enumerate() {
             if piece.rest || number + 1 == pieces.len() {
                 let range = first..number + 1;
-                if range.clone().any(|number| self.has_length(number)) {
+                if with_empty || range.clone().any(|number| self.has_length(number)) {
                     all.push(range);
                 }
                 first = number + 1;

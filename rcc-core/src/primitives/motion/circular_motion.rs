@@ -22,8 +22,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
-        inputs: path_motion::INPUTS,
-        outputs: path_motion::OUTPUTS,
+        inputs: &path_motion::INPUTS,
+        outputs: &path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(

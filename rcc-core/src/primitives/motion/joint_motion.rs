@@ -23,8 +23,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "q(s) = q₀ + (q₁ − q₀)·s/l; s jerk-limited such that every joint keeps its velocity, acceleration and jerk",
-        inputs: path_motion::INPUTS,
-        outputs: path_motion::OUTPUTS,
+        inputs: &path_motion::INPUTS,
+        outputs: &path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(

@@ -39,8 +39,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "line of the flange and rotation about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
-        inputs: path_motion::INPUTS,
-        outputs: path_motion::OUTPUTS,
+        inputs: &path_motion::INPUTS,
+        outputs: &path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new("to", POSE, "flange at the end, in the arm's base"),

@@ -4,33 +4,82 @@
 //! A leg without `blend:` ends at rest. With it, the path is left this distance before its end and joined at the same
 //! distance after it, by a curve that is smooth to the second derivative. Blends from and to a `ptp` are computed in
 //! joint space.
+//!
+//! A leg with `wait` does not begin before its condition is true. A leg with `until` ends when its condition is true: the
+//! arm comes to rest on the path, and the next leg begins there.
 
-use super::path_motion::{self, motion_operands};
-use crate::frame::{Preparation, PrepareFault};
+use super::path_motion::{self, Ports};
+use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::leg_row::{self, LegRow};
-use crate::path::{LEGS_MAX, Leg, MotionFault, PathRequest, PathSegment};
+use crate::path::{LEGS_MAX, Leg, LegSignals, MotionFault, MotionState, PathRequest, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, CatalogueEntry, Clock, Dim, Kernel, NullRule, Parameter, ParameterKind, Prepare, Real,
-    Role, Slot, Spec,
+    Bool, CatalogueEntry, Clock, DefaultValue, Device, Dim, ElementType, Int, Kernel, NullRule,
+    Parameter, ParameterKind, Port, PortType, Prepare, Real, Role, Slot, Spec, Step, UnitRule,
+    operands,
+};
+use crate::types::{NULL_BOOL, Type};
+
+/// `stop`, `pause`, `speed`, `conditions`.
+const INPUTS: &[Port] = &{
+    let [stop, pause, speed] = path_motion::INPUTS;
+    [
+        stop,
+        pause,
+        speed,
+        Port::new(
+            "conditions",
+            PortType::Array(ElementType::Are(Type::Bool), Dim::Var(1)),
+            UnitRule::Typed,
+            "made from `wait` and `until` of the legs, in their order: give them there",
+        )
+        .default(DefaultValue::Null),
+    ]
+};
+
+/// The outputs of every motion, then `waiting`, `unknown`, `until_met`.
+const OUTPUTS: &[Port] = &{
+    let [
+        joints,
+        pose,
+        done,
+        progress,
+        distance,
+        speed,
+        acceleration,
+        leg,
+    ] = path_motion::OUTPUTS;
+    [joints, pose, done, progress, distance, speed, acceleration, leg,
+    Port::bool("waiting", "at rest: the next leg waits for its `wait`").diagnostic(),
+    Port::bool(
+        "unknown",
+        "the condition that the next leg waits for, or that ends the current one, is null: it counts as not true",
+    )
+    .diagnostic(),
+    Port::bool(
+        "until_met",
+        "the last leg with `until` that is over was ended by it; false before one is over",
+    )
+    .diagnostic(),
+]
 };
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MotionSequence",
-        summary: "Motions in sequence (ptp, lin, circ, spline) with optional blending and a soft stop on the path.",
-        null: path_motion::NULL,
+        summary: "Motions in sequence (ptp, lin, circ, spline) with optional blending, conditions between them, and a soft stop on the path.",
+        null: "a null `stop` counts as true, because an unknown condition must stop the motion; a null `pause` or `speed` is a pause; a null `wait` or `until` is not true: the leg does not begin, or goes on to its end, and `unknown` is true",
         null_rule: NullRule::Known,
         formula: "blends: polynomials of degree 5 in the path parameter, C2 at both ends",
-        inputs: path_motion::INPUTS,
-        outputs: path_motion::OUTPUTS,
+        inputs: INPUTS,
+        outputs: OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(
                 "path",
                 ParameterKind::Path(Dim::Var(0)),
-                "legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {ptp: {pose: {xyz: ..., rpy: ...}}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`",
+                "legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {ptp: {pose: {xyz: ..., rpy: ...}}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`; a leg may have `wait: CONDITION` (it does not begin before) and `until: CONDITION` (it ends then)",
             ),
             path_motion::SCALE,
             path_motion::TIME_OPTIMAL,
@@ -51,8 +100,64 @@ pub(super) fn too_many(motion: Clock, count: u32) -> PrepareFault {
     }
 }
 
-motion_operands! {
-    MotionSequence { path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool> }, count
+operands! {
+    struct MotionSequence {
+        stop: Slot<Bool>, pause: Slot<Bool>, speed: Slot<Real>, conditions: Slot<Bool>,
+        joints: Slot<Real>, flange_pose: Slot<Pose>, done: Slot<Bool>, progress: Slot<Real>,
+        distance: Slot<Real>, flange_speed: Slot<Real>, flange_acceleration: Slot<Real>, leg: Slot<Int>,
+        waiting: Slot<Bool>, unknown: Slot<Bool>, until_met: Slot<Bool>,
+        device: Device, path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool>,
+        motion: Clock, width: u32, count: u32, condition_count: u32,
+    }
+}
+
+impl MotionSequence {
+    /// Returns the value of a condition; null if the plan has no such condition.
+    fn condition_value(self, frame: &Frame<'_>, index: Option<u32>) -> u8 {
+        let index = index.filter(|index| *index < self.condition_count);
+        let value = index.and_then(|index| frame.get(self.conditions + index));
+        value.unwrap_or(NULL_BOOL)
+    }
+}
+
+impl Step for MotionSequence {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let conditions = frame.motions.leg_conditions(self.motion.0 as usize);
+        let wait = self.condition_value(frame, conditions.wait);
+        let until = self.condition_value(frame, conditions.until);
+        let signals = LegSignals {
+            begin: conditions.wait.is_none() || wait == 1,
+            end: until == 1,
+        };
+        let ports = Ports {
+            stop: self.stop,
+            pause: self.pause,
+            speed: self.speed,
+            joints: self.joints,
+            width: self.width,
+            pose: self.flange_pose,
+            done: self.done,
+            progress: self.progress,
+            distance: self.distance,
+            flange_speed: self.flange_speed,
+            acceleration: self.flange_acceleration,
+            leg: self.leg,
+        };
+        let state = ports.step_leg(frame, self.motion, signals)?;
+        let due = |index: Option<u32>, value: u8| index.is_some() && value == NULL_BOOL;
+        let unknown = match signals.begin {
+            true => due(conditions.until, until),
+            false => due(conditions.wait, wait),
+        };
+        let flag = |of: fn(&MotionState) -> bool| {
+            state
+                .as_ref()
+                .map_or(NULL_BOOL, |state| u8::from(of(state)))
+        };
+        frame.put(self.waiting, flag(|state| state.waiting))?;
+        frame.put(self.unknown, u8::from(unknown))?;
+        frame.put(self.until_met, flag(|state| state.until_met))
+    }
 }
 
 impl Prepare for MotionSequence {

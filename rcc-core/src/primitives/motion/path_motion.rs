@@ -2,7 +2,8 @@
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::{
-    Leg, MotionLimits, PathRequest, PathSegment, SpeedOverride, SpeedProfile, leg_row,
+    Leg, LegSignals, MotionLimits, MotionState, PathRequest, PathSegment, SpeedOverride,
+    SpeedProfile, leg_row,
 };
 use crate::pose::Pose;
 use crate::primitive::{
@@ -13,7 +14,7 @@ use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
 
 /// `stop`, `pause`, `speed`.
-pub(super) const INPUTS: &[Port] = &[
+pub(super) const INPUTS: [Port; 3] = [
     Port::bool(
         "stop",
         "brings the motion to rest on the path; once true, the motion stays stopped",
@@ -36,7 +37,7 @@ pub(super) const INPUTS: &[Port] = &[
 pub(super) const NULL: &str = "a null `stop` counts as true, because an unknown condition must stop the motion; a null `pause` or `speed` is a pause";
 
 /// `joints`, `pose`, `done`, `progress`, `distance`, `speed`, `acceleration`, `leg`.
-pub(super) const OUTPUTS: &[Port] = &[
+pub(super) const OUTPUTS: [Port; 8] = [
     Port::new(
         "joints",
         PortType::Joints,
@@ -313,12 +314,23 @@ const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
 impl Ports {
     /// Runs one cycle of a motion: its ports in the order of [`INPUTS`] and [`OUTPUTS`], its index, the width of `joints`.
     pub(super) fn step(self, frame: &mut Frame<'_>, motion: Clock) -> Option<()> {
+        self.step_leg(frame, motion, LegSignals::RUN).map(|_| ())
+    }
+
+    /// As [`Ports::step`], with the conditions of the current leg; returns the state of the motion, if it exists.
+    pub(super) fn step_leg(
+        self,
+        frame: &mut Frame<'_>,
+        motion: Clock,
+        signals: LegSignals,
+    ) -> Option<Option<MotionState>> {
         let speed_override = SpeedOverride {
             stop: frame.get(self.stop)? != 0,
             pause: frame.get(self.pause)? != 0,
             speed: frame.get(self.speed)?,
         };
-        let Some(state) = frame.motions.step(motion.0 as usize, speed_override) else {
+        let motions = &mut *frame.motions;
+        let Some(state) = motions.step_leg(motion.0 as usize, speed_override, signals) else {
             frame.motion_failed = true;
             frame.put_joints(self.joints, self.width, None)?;
             frame.put(self.pose, Pose::NULL)?;
@@ -331,7 +343,8 @@ impl Ports {
             ] {
                 frame.put(real, NULL_REAL)?;
             }
-            return frame.put(self.leg, NULL_INT);
+            frame.put(self.leg, NULL_INT)?;
+            return Some(None);
         };
         let known = state.joints.iter().all(|joint| joint.is_finite());
         frame.put_joints(self.joints, self.width, known.then_some(&state.joints))?;
@@ -341,6 +354,7 @@ impl Ports {
         frame.put(self.distance, state.distance)?;
         frame.put(self.flange_speed, state.speed)?;
         frame.put(self.acceleration, state.acceleration)?;
-        frame.put(self.leg, i64::from(state.leg))
+        frame.put(self.leg, i64::from(state.leg))?;
+        Some(Some(state))
     }
 }

@@ -19,8 +19,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "natural spline of degree 5 (de Boor, A Practical Guide to Splines, XIII) over chord length, followed by arc length; orientation in modified Rodrigues parameters",
-        inputs: path_motion::INPUTS,
-        outputs: path_motion::OUTPUTS,
+        inputs: &path_motion::INPUTS,
+        outputs: &path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(

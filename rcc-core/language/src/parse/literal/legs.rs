@@ -8,8 +8,10 @@ use rcc_core::path::leg_row::{self, LegRow, WIDTH};
 use rcc_core::unit::Unit;
 
 use super::super::shape::{report_unknown_keys, shape};
+use super::super::source::read_source;
 use super::read_quantity;
 use crate::codes;
+use crate::syntax::Source;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// Kinds of legs; each leg has exactly one of these keys.
@@ -44,11 +46,16 @@ const FLANGE_KEYS: &[&str] = &[
     "relative",
     "arm_angle",
     "elbow",
+    "wait",
+    "until",
 ];
-const JOINT_KEYS: &[&str] = &["ptp", "blend", "scale", "relative"];
+const JOINT_KEYS: &[&str] = &["ptp", "blend", "scale", "relative", "wait", "until"];
+
+/// Conditions of a leg, in the order of their columns.
+const CONDITIONS: [&str; 2] = ["wait", "until"];
 
 /// Returns true for a list of legs: its first element has a key of a kind.
-pub(super) fn are_legs(nodes: &[Node]) -> bool {
+pub fn are_legs(nodes: &[Node]) -> bool {
     let first = nodes.first();
     first.is_some_and(|node| KINDS.iter().any(|kind| node.get(kind).is_some()))
 }
@@ -57,9 +64,17 @@ pub(super) fn are_legs(nodes: &[Node]) -> bool {
 pub(super) fn read(nodes: &[Node], diagnostics: &mut Vec<Diagnostic>) -> Option<Vec<Literal>> {
     let before = diagnostics.len();
     let mut rows = Vec::new();
+    let mut conditions = 0;
     for node in nodes {
-        leg(node, &mut rows, diagnostics);
+        let columns = CONDITIONS.map(|key| {
+            node.get(key).map_or(f64::NAN, |_| {
+                conditions += 1;
+                f64::from(conditions - 1)
+            })
+        });
+        leg(node, columns, &mut rows, diagnostics);
     }
+    conditions_fit(nodes, diagnostics);
     let blend = nodes.last().and_then(|node| node.get("blend"));
     // An invalid value is already reported.
     let is_zone = |node: &&Node| {
@@ -90,7 +105,84 @@ fn row_literal(row: &LegRow, node: &Node) -> Literal {
     )
 }
 
-fn leg(node: &Node, rows: &mut Vec<Literal>, diagnostics: &mut Vec<Diagnostic>) {
+/// Reads the conditions of legs in the order of their numbers: for each leg `wait`, then `until`.
+pub fn read_conditions(nodes: &[Node], diagnostics: &mut Vec<Diagnostic>) -> Vec<Source> {
+    let of_leg = |node| CONDITIONS.map(move |key| Some((key, Node::get(node, key)?)));
+    let all = nodes.iter().flat_map(of_leg).flatten();
+    let read = |(key, node): (&str, &Node)| {
+        let source = read_source(node, diagnostics);
+        if !matches!(
+            source,
+            Source::Link(_) | Source::Formula(_) | Source::Refused
+        ) {
+            let wanted = "an output such as `part.out`, or a formula such as `\"= ft.fz > 12 N\"`";
+            diagnostics.push(shape(node, &format!("`{key}`"), wanted));
+            return Source::Refused;
+        }
+        source
+    };
+    all.map(read).collect()
+}
+
+/// Requires that the motion rests where a leg waits or is ended, and that the leg after one with `until` can begin
+/// anywhere on it.
+fn conditions_fit(nodes: &[Node], diagnostics: &mut Vec<Diagnostic>) {
+    let mut report = |node: &Node, message: &str, help: &str| {
+        let diagnostic = Diagnostic::error(codes::CONTRADICTION, node.span, message);
+        diagnostics.push(diagnostic.help(help));
+    };
+    let before = std::iter::once(None).chain(nodes.iter().map(Some));
+    for (leg, before) in nodes.iter().zip(before) {
+        let blends_into = before.and_then(|before| before.get("blend"));
+        if let (Some(_), Some(wait)) = (blends_into, leg.get("wait")) {
+            let message = "a leg with `wait` begins at rest, but the leg before it has a `blend`";
+            report(wait, message, "remove `blend` from the leg before");
+        }
+        if let (Some(_), Some(blend)) = (leg.get("until"), leg.get("blend")) {
+            let message = "a leg with `until` ends at rest, but it has a `blend`";
+            report(blend, message, "remove `blend`");
+        }
+        let ended = before.and_then(|before| before.get("until"));
+        let Some(ended) = ended else {
+            continue;
+        };
+        let words =
+            "the leg before it has `until`, so its beginning is not known before the motion";
+        if let Some(blend) = leg.get("blend") {
+            report(
+                blend,
+                "a leg after one with `until` ends at rest",
+                "remove `blend`",
+            );
+        }
+        if let Some(relative) = leg.get("relative") {
+            let help = "give its goal in the arm's base, without `relative`";
+            report(
+                relative,
+                &format!("`relative` has no meaning: {words}"),
+                help,
+            );
+        }
+        for kind in ["circ", "spline"] {
+            if let Some(shape) = leg.get(kind) {
+                let help = "use a `ptp` or a `lin`";
+                report(shape, &format!("no `{kind}` is possible: {words}"), help);
+            }
+        }
+        let from_joints = before.is_some_and(|before| before.get("ptp").is_some());
+        if let (Some(_), true) = (leg.get("lin"), from_joints) {
+            let message = "after a `ptp` with `until` no `lin` is possible: where it begins, and with which joints, is not known";
+            report(ended, message, "use a `ptp` after it, or a `lin` before it");
+        }
+    }
+}
+
+fn leg(
+    node: &Node,
+    conditions: [f64; 2],
+    rows: &mut Vec<Literal>,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
     let mut kinds = KINDS
         .iter()
         .filter_map(|kind| Some((*kind, node.get(kind)?)));
@@ -112,6 +204,7 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, diagnostics: &mut Vec<Diagnostic>) 
     };
     report_unknown_keys(node, keys, &format!("a `{kind}`"), diagnostics);
     let mut row = [f64::NAN; WIDTH];
+    row[leg_row::WAIT..].copy_from_slice(&conditions);
     for (key, column, unit) in LIMITS {
         if let Some(node) = node.get(key) {
             let above = key != "blend";

@@ -1,0 +1,449 @@
+//! The leg after a leg that `until` ended early: a straight line, of the joints or of the flange, from where the arm came
+//! to rest to the goal that was planned. What the cycle needs for it is computed when the motion is built; the line
+//! itself is made by the real-time thread, without allocation and in a bounded number of steps.
+//!
+//! A line of joints keeps its limits whatever its start is: each joint moves in proportion, within its range. For a line
+//! of the flange the limits are computed from places along the leg before, close enough to each other that between two
+//! of them the tighter limits, with a margin, hold.
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::kinematics::{Arm, ArmConfiguration};
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::path::{
+    AfterUntilFault, ElbowMotion, Leg, MotionFault, PathLimits, PathSegment, SpeedProfile,
+};
+use rcc_core::pose::Pose;
+
+use crate::geometry::PathMetric;
+use crate::geometry::jet::{Jet, JetScalar};
+use crate::geometry::line::{JointLine, Line};
+use crate::planned_path::{
+    ArmStart, LegFault, MotionSection, PathPoint, PlannedPath, build, flange_speed, joint_bounds,
+    metric,
+};
+
+/// Intervals into which the leg before is divided at first.
+const INTERVALS: usize = 16;
+/// How often an interval may be halved.
+const HALVINGS_MAX: u32 = 4;
+/// Neighbours whose limits differ by more than this factor get a place between them.
+const APART: f64 = 1.2;
+/// Part of the limits of joints that is used between two places.
+const SHARE: f64 = 0.9;
+/// Part of a joint's limits that is used on a line of joints: the rest covers the rounding of differences.
+const JOINT_SHARE: f64 = 1.0 - 1e-6;
+/// Difference of joints (rad) up to which two positions count as the same.
+const SAME_RAD: f64 = 1e-6;
+
+/// Velocity, acceleration and jerk of a clock.
+type ClockLimits = [f64; 3];
+
+/// The line to the goal of a leg.
+#[derive(Debug, Clone)]
+enum LineToGoal {
+    /// Limits of each joint.
+    Joints([[f64; 3]; JOINTS_MAX]),
+    Flange(FlangeGoal),
+}
+
+/// The goal of a line of the flange, and its limits by the place where the leg before was ended.
+#[derive(Debug, Clone)]
+struct FlangeGoal {
+    pose: Pose,
+    metric: PathMetric,
+    configuration: ArmConfiguration,
+    /// Ends of the intervals, in units of the clock of the leg before, with the limits in the interval that ends there.
+    intervals: Box<[Interval]>,
+}
+
+/// How a leg is travelled after the leg before it was ended early.
+#[derive(Debug, Clone)]
+pub(crate) struct LegAfterUntil {
+    arm: Arm,
+    /// Joints at its end, rad.
+    goal: Joints,
+    line: LineToGoal,
+}
+
+/// Where an arm came to rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RestPoint {
+    pub(crate) joints: Joints,
+    pub(crate) pose: Pose,
+    /// Position on the leg that was ended, in units of its clock.
+    pub(crate) clock_value: f64,
+}
+
+/// A line from where the arm came to rest.
+#[derive(Debug, Clone, Copy)]
+enum Shape {
+    Joints(JointLine),
+    Flange {
+        line: Line,
+        configuration: ArmConfiguration,
+    },
+}
+
+/// A leg that is travelled from where the leg before it was ended.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LineFromRest {
+    arm: Arm,
+    pub(crate) from: RestPoint,
+    goal: Joints,
+    shape: Shape,
+    /// Limits of its clock.
+    pub(crate) limits: PathLimits,
+}
+
+impl LegAfterUntil {
+    /// The leg of section `number`, which follows a section that `until` may end.
+    ///
+    /// # Errors
+    /// Returns [`MotionFault::AfterUntil`] if the leg cannot begin everywhere on the leg before.
+    pub(crate) fn new(
+        (model, arm): (&DeviceModel, Arm),
+        legs: &[Leg<'_>],
+        (path, sections): (&PlannedPath, &[MotionSection]),
+        number: usize,
+        dt_s: f64,
+    ) -> Result<Self, LegFault> {
+        let none = (0, MotionFault::NoMotion);
+        let section = sections.get(number).ok_or(none)?;
+        let before = number.checked_sub(1).and_then(|it| sections.get(it));
+        let before = before.ok_or(none)?;
+        let [leg_number, last] = section.legs;
+        let leg = legs.get(leg_number as usize).ok_or(none)?;
+        if leg_number != last {
+            return Err((leg_number, MotionFault::NotAtRest));
+        }
+        let refused = |fault| {
+            let fault = MotionFault::AfterUntil {
+                fraction: 0.0,
+                fault,
+            };
+            (leg_number, fault)
+        };
+        let end = section.begin + section.length;
+        let goal = path.at(end);
+        let line = match leg.segment {
+            _ if leg.relative.is_some() => return Err(refused(AfterUntilFault::Relative)),
+            PathSegment::Joints { .. } | PathSegment::JointsToPose { .. } => {
+                LineToGoal::Joints(joint_bounds(&model.limits, leg.scale))
+            }
+            PathSegment::Line { .. } => {
+                let earlier = number.checked_sub(2).and_then(|it| sections.get(it));
+                let begins_known = earlier.is_none_or(|section| section.until.is_none());
+                let leg_before = single_flange_leg(before, legs).filter(|_| begins_known);
+                let leg_before = leg_before.ok_or(refused(AfterUntilFault::Start))?;
+                let stays = |leg: &Leg<'_>| leg.elbow == ElbowMotion::Stays;
+                if !stays(leg) || !stays(leg_before) {
+                    return Err(refused(AfterUntilFault::Elbow));
+                }
+                let line = FlangeLine {
+                    model,
+                    arm,
+                    leg: Leg {
+                        segment: PathSegment::Line { to: goal.pose },
+                        wait: None,
+                        until: None,
+                        ..*leg
+                    },
+                    goal: &goal,
+                    path,
+                    before,
+                    dt_s,
+                };
+                let intervals = line.intervals().map_err(|(fraction, fault)| {
+                    (leg_number, MotionFault::AfterUntil { fraction, fault })
+                })?;
+                LineToGoal::Flange(FlangeGoal {
+                    pose: goal.pose,
+                    metric: metric(leg),
+                    configuration: arm.configuration(&goal.joints),
+                    intervals,
+                })
+            }
+            PathSegment::Circle { .. } | PathSegment::Spline { .. } => {
+                return Err(refused(AfterUntilFault::Shape));
+            }
+        };
+        Ok(Self {
+            arm,
+            goal: goal.joints,
+            line,
+        })
+    }
+
+    /// The line from a point of rest to the goal; `None` if there is none, which was checked when the motion was built.
+    pub(crate) fn from(&self, from: RestPoint) -> Option<LineFromRest> {
+        let (shape, length, limits) = match &self.line {
+            LineToGoal::Joints(bounds) => {
+                let line = JointLine::new(&from.joints, &self.goal, 1.0).ok()?;
+                let ways = from.joints.iter().zip(self.goal).zip(bounds);
+                let mut limits = [f64::INFINITY; 3];
+                for ((from, to), bounds) in ways {
+                    let share = (to - from).abs() / line.length();
+                    for (limit, bound) in limits.iter_mut().zip(bounds) {
+                        let allowed = bound * JOINT_SHARE / share;
+                        // A joint that does not move gives infinity or NaN, and limits nothing.
+                        *limit = if allowed < *limit { allowed } else { *limit };
+                    }
+                }
+                (Shape::Joints(line), line.length(), limits)
+            }
+            LineToGoal::Flange(goal) => {
+                let line = Line::new(&from.pose, &goal.pose, goal.metric).ok()?;
+                let mut intervals = goal.intervals.iter();
+                let there = intervals.find(|(end, _)| from.clock_value <= *end);
+                let (_, limits) = there.or(goal.intervals.last())?;
+                let shape = Shape::Flange {
+                    line,
+                    configuration: goal.configuration,
+                };
+                (shape, line.length(), *limits)
+            }
+        };
+        // A line without a length is over at once, whatever its limits are.
+        let known = |limit: f64| {
+            if limit.is_finite() && limit > 0.0 {
+                limit
+            } else {
+                1.0
+            }
+        };
+        let [velocity, acceleration, jerk] = limits.map(known);
+        Some(LineFromRest {
+            arm: self.arm,
+            from,
+            goal: self.goal,
+            shape,
+            limits: PathLimits {
+                length,
+                velocity,
+                acceleration,
+                jerk,
+            },
+        })
+    }
+}
+
+/// The leg of a section that has one, if it is a shape of the flange.
+fn single_flange_leg<'l, 'a>(section: &MotionSection, legs: &'l [Leg<'a>]) -> Option<&'l Leg<'a>> {
+    let [first, last] = section.legs;
+    let leg = legs.get(first as usize).filter(|_| first == last)?;
+    let joints = matches!(
+        leg.segment,
+        PathSegment::Joints { .. } | PathSegment::JointsToPose { .. }
+    );
+    (!joints).then_some(leg)
+}
+
+/// The lines of the flange from every place of a leg to the goal of the next one.
+struct FlangeLine<'a> {
+    model: &'a DeviceModel,
+    arm: Arm,
+    leg: Leg<'a>,
+    goal: &'a PathPoint,
+    path: &'a PlannedPath,
+    before: &'a MotionSection,
+    dt_s: f64,
+}
+
+/// The end of an interval of the leg before, in units of its clock, and the limits in it.
+type Interval = (f64, ClockLimits);
+
+/// A place on the leg before, as a fraction of it, from which the leg cannot begin, and why.
+type PlaceFault = (f64, AfterUntilFault);
+
+/// A place on the leg before, as a fraction of it, and the limits of the line from there; `None` for a line without a
+/// length.
+type Place = (f64, Option<ClockLimits>);
+
+impl FlangeLine<'_> {
+    /// The limits between places that are close to each other.
+    fn intervals(&self) -> Result<Box<[Interval]>, PlaceFault> {
+        let mut intervals = Vec::new();
+        let mut left = (0.0, self.limits_from(0.0)?);
+        for step in 1..=INTERVALS {
+            #[allow(clippy::cast_precision_loss)] // A few dozen at most.
+            let fraction = step as f64 / INTERVALS as f64;
+            let right = (fraction, self.limits_from(fraction)?);
+            self.divide([left, right], HALVINGS_MAX, &mut intervals)?;
+            left = right;
+        }
+        Ok(intervals.into())
+    }
+
+    /// Adds the limits between two places, with places between them where the limits differ much.
+    fn divide(
+        &self,
+        [left, right]: [Place; 2],
+        halvings: u32,
+        intervals: &mut Vec<Interval>,
+    ) -> Result<(), PlaceFault> {
+        if halvings > 0 && differ(left.1, right.1) {
+            let fraction = 0.5 * (left.0 + right.0);
+            let middle = (fraction, self.limits_from(fraction)?);
+            self.divide([left, middle], halvings - 1, intervals)?;
+            return self.divide([middle, right], halvings - 1, intervals);
+        }
+        let given = self.leg.line.velocity;
+        let end = self.clock_value(right.0);
+        intervals.push((end, tighter(left.1, right.1, given)));
+        Ok(())
+    }
+
+    fn clock_value(&self, fraction: f64) -> f64 {
+        self.before.begin + self.before.length * fraction
+    }
+
+    /// The limits of the line from a place on the leg before.
+    fn limits_from(&self, fraction: f64) -> Result<Option<ClockLimits>, PlaceFault> {
+        let from = self.path.at(self.clock_value(fraction));
+        let start = ArmStart {
+            model: self.model,
+            arm: self.arm,
+            joints: from.joints,
+            pose: from.pose,
+        };
+        let built = build(start, (&[self.leg], SpeedProfile::Uniform), self.dt_s);
+        let (path, sections) = built.map_err(|(_, fault)| (fraction, reason(fault)))?;
+        let bounds = sections.first().map(|section| &section.bounds);
+        let bounds = bounds.filter(|bounds| bounds.length() > 0.0);
+        let Some(bounds) = bounds else {
+            return Ok(None);
+        };
+        let end = path.at(bounds.length()).joints;
+        let mut ends = end.iter().zip(self.goal.joints);
+        if !ends.all(|(end, goal)| (end - goal).abs() <= SAME_RAD) {
+            return Err((fraction, AfterUntilFault::Other));
+        }
+        Ok(Some([
+            bounds.least_velocity(),
+            bounds.acceleration(),
+            bounds.jerk(),
+        ]))
+    }
+}
+
+/// Whether limits differ by more than [`APART`].
+fn differ(left: Option<ClockLimits>, right: Option<ClockLimits>) -> bool {
+    let (Some(left), Some(right)) = (left, right) else {
+        return false;
+    };
+    let mut pairs = left.iter().zip(right);
+    pairs.any(|(left, right)| left.max(right) > APART * left.min(right))
+}
+
+/// The limits between two places; `given` is the velocity of the leg, which needs no margin.
+fn tighter(left: Option<ClockLimits>, right: Option<ClockLimits>, given: f64) -> ClockLimits {
+    let (Some(left), Some(right)) = (left.or(right), right.or(left)) else {
+        return [1.0; 3];
+    };
+    core::array::from_fn(|order| {
+        let (low, high) = (left[order].min(right[order]), left[order].max(right[order]));
+        if order == 0 && low >= given * JOINT_SHARE {
+            return low;
+        }
+        low * SHARE * (low / high)
+    })
+}
+
+fn reason(fault: MotionFault) -> AfterUntilFault {
+    match fault {
+        MotionFault::Unreachable { .. } => AfterUntilFault::Unreachable,
+        MotionFault::JointRange { joint, .. } => AfterUntilFault::JointRange { joint },
+        MotionFault::Singular { joint, .. } => AfterUntilFault::Singular { joint },
+        MotionFault::TooFast { possible, .. } => AfterUntilFault::TooFast { possible },
+        _ => AfterUntilFault::Other,
+    }
+}
+
+/// The state on a line from rest.
+pub(crate) struct LinePoint {
+    pub(crate) pose: Pose,
+    pub(crate) joints: Joints,
+    /// Metres of the flange per unit of the clock.
+    pub(crate) metres_per_s: f64,
+}
+
+impl LineFromRest {
+    /// The state at clock value `s`, 0 to the length of the limits.
+    pub(crate) fn at(&self, s: f64) -> LinePoint {
+        let null = [rcc_core::types::NULL_REAL; JOINTS_MAX];
+        match &self.shape {
+            Shape::Joints(line) => {
+                let jets = line.at(Jet::variable(s));
+                let joints = jets.map(JetScalar::value);
+                LinePoint {
+                    pose: self.arm.forward(&joints),
+                    joints,
+                    metres_per_s: flange_speed(self.arm, &jets),
+                }
+            }
+            Shape::Flange {
+                line,
+                configuration: ArmConfiguration { branch, arm_angle },
+            } => {
+                let pose = line.at(s).pose();
+                let fraction = if line.length() > 0.0 {
+                    s / line.length()
+                } else {
+                    0.0
+                };
+                // The hint selects the turn of each joint.
+                let ends = self.from.joints.iter().zip(self.goal);
+                let mut hint = [0.0; JOINTS_MAX];
+                for (hint, (from, to)) in hint.iter_mut().zip(ends) {
+                    *hint = from + (to - from) * fraction;
+                }
+                let joints = self.arm.inverse(&pose, *arm_angle, *branch, &hint);
+                LinePoint {
+                    pose,
+                    joints: if s > 0.0 {
+                        joints.unwrap_or(null)
+                    } else {
+                        self.from.joints
+                    },
+                    metres_per_s: line.speed(),
+                }
+            }
+        }
+    }
+
+    /// Words that [`LineFromRest::words`] gives.
+    pub(crate) const WORDS: usize = JOINTS_MAX + 8;
+
+    /// What the line is made from again, as words.
+    pub(crate) fn words(&self) -> [u64; Self::WORDS] {
+        let RestPoint {
+            joints,
+            pose,
+            clock_value,
+        } = self.from;
+        let numbers = joints
+            .into_iter()
+            .chain(pose.to_slots())
+            .chain([clock_value]);
+        let mut words = [0; Self::WORDS];
+        for (word, number) in words.iter_mut().zip(numbers) {
+            *word = number.to_bits();
+        }
+        words
+    }
+}
+
+impl RestPoint {
+    /// The point that [`LineFromRest::words`] gave.
+    pub(crate) fn from_words(words: &[u64; LineFromRest::WORDS]) -> Self {
+        let mut numbers = words.iter().map(|word| f64::from_bits(*word));
+        let mut next = || numbers.next().unwrap_or(f64::NAN);
+        let joints = core::array::from_fn(|_| next());
+        let pose = Pose::from_slots(core::array::from_fn(|_| next()));
+        Self {
+            joints,
+            pose,
+            clock_value: next(),
+        }
+    }
+}
