@@ -114,12 +114,14 @@ impl Motion {
         }
     }
 
-    fn step(&mut self, speed_override: SpeedOverride, signals: LegSignals) -> MotionState {
+    /// Returns the state of this cycle; `None` if nothing leads from where a leg was ended to the goal of the next one: the
+    /// net then ends with a fault, and the arm is held where it rests.
+    fn step(&mut self, speed_override: SpeedOverride, signals: LegSignals) -> Option<MotionState> {
         let conditions = self.conditions();
         self.progress.stopped |= speed_override.stop;
         if !self.progress.stopped {
             if conditions.wait.is_some() && !signals.begin {
-                return self.waiting();
+                return Some(self.waiting());
             }
             self.progress.ending |= conditions.until.is_some() && signals.end;
         }
@@ -141,7 +143,7 @@ impl Motion {
         if path.done && !self.progress.stopped {
             return self.end_section(state);
         }
-        state
+        Some(state)
     }
 
     /// One cycle on the planned path.
@@ -238,9 +240,9 @@ impl Motion {
     }
 
     /// At rest at the end of a section, or where `until` ended it: the next section begins in the next cycle.
-    fn end_section(&mut self, mut state: MotionState) -> MotionState {
+    fn end_section(&mut self, mut state: MotionState) -> Option<MotionState> {
         let Some(section) = self.sections.get(self.section) else {
-            return state;
+            return Some(state);
         };
         let ending = self.progress.ending;
         if section.until.is_some() {
@@ -248,7 +250,7 @@ impl Motion {
             state.until_met = self.progress.until_met;
         }
         let Some(next) = self.sections.get(self.section + 1) else {
-            return state;
+            return Some(state);
         };
         let before_end = match &self.line {
             Some(line) => self.clock.last().s < line.limits.length,
@@ -264,9 +266,8 @@ impl Motion {
             })
         });
         if early && line.is_none() {
-            // The builder refuses legs that cannot follow; without one the motion stays where it is.
-            self.progress.stopped = true;
-            return state;
+            // The builder refuses legs that cannot follow.
+            return None;
         }
         if early || self.line.is_some() {
             let planned_m = self.planned_path.at(next.begin).distance;
@@ -279,7 +280,7 @@ impl Motion {
         }
         (self.section, self.clock, self.braking) = (self.section + 1, PathClock::new(), None);
         state.path.done = false;
-        state
+        Some(state)
     }
 
     /// Stops on a section with a time law by counting the path parameter directly, as soon as the state satisfies a set
@@ -448,7 +449,7 @@ impl Motions for MotionSet {
         signals: LegSignals,
     ) -> Option<MotionState> {
         let motion = self.0.get_mut(index)?;
-        Some(motion.step(speed_override, signals))
+        motion.step(speed_override, signals)
     }
 
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {

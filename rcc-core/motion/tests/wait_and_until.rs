@@ -297,16 +297,24 @@ fn a_stop_while_a_leg_is_being_ended_is_final() {
     let mut down = lin([0.0, 0.0, 0.1]);
     down.until = Some(0);
     let legs = [down, lin([0.0, 0.1, 0.0])];
-    let mut motions = built(&legs, SpeedProfile::Uniform).unwrap();
-    for cycle in 0..200 {
-        let stop = SpeedOverride {
-            stop: cycle == 210,
-            ..SpeedOverride::RUN
-        };
-        let state = step(&mut motions, stop, |_| cycle >= 200);
-        if cycle > 1000 {
-            assert!(state.path.done && state.path.stopping && state.leg == 0);
+    // Before the leg is being ended, while the arm brakes for it, and on the line that follows.
+    for (stop_at, leg) in [(190, 0), (210, 0), (900, 1)] {
+        let mut motions = built(&legs, SpeedProfile::Uniform).unwrap();
+        let mut rest = None;
+        for cycle in 0..4000 {
+            let stop = SpeedOverride {
+                stop: cycle == stop_at,
+                ..SpeedOverride::RUN
+            };
+            let state = step(&mut motions, stop, |_| cycle >= 200);
+            assert!(!state.path.done || cycle > stop_at, "{stop_at}: {state:?}");
+            if state.path.done {
+                assert!(state.path.stopping, "{stop_at}: {state:?}");
+                assert_eq!(state.leg, leg, "{stop_at}");
+                assert_eq!(state.joints, *rest.get_or_insert(state.joints));
+            }
         }
+        assert!(rest.is_some(), "{stop_at}");
     }
 }
 
