@@ -116,7 +116,7 @@ fn lwr(law: ControlLaw, cycles: u64) -> Done {
         }
         let exchange = session.exchange(&mut inputs);
         let answer = session.answer(&commands.next(&exchange));
-        krc.receive(&answer, 1e-4);
+        krc.receive(&answer, 1e-4)?;
         if cycle > ENTRY && !exchange.commandable {
             return fails(format!(
                 "{law:?}: cycle {cycle}: {:?}",
@@ -126,7 +126,7 @@ fn lwr(law: ControlLaw, cycles: u64) -> Done {
     }
     let state = krc.snapshot();
     let counts = state.counts;
-    if (counts.missed, counts.late, counts.duplicate, counts.faults) != (0, 0, 0, 0) {
+    if (counts.missed, counts.faults, counts.refused) != (0, 0, 0) {
         return fails(format!("{law:?}: {counts:?} {:?}", state.faults));
     }
     println!(
@@ -182,7 +182,7 @@ fn iiwa(version: Version, overlay: OverlayMode, multiplier: u32, cycles: u64) ->
     }
     let state = cabinet.snapshot();
     let counts = state.counts;
-    if (counts.missed, counts.faults, cabinet.refusals()) != (0, 0, 0) {
+    if (counts.missed, counts.faults, counts.refused) != (0, 0, 0) {
         return fails(format!("{name}: {counts:?} {:?}", state.faults));
     }
     println!(

@@ -3,6 +3,8 @@
 //! Each simulator is a program of its own; its model is pure and also runs in virtual time.
 
 pub mod arm;
+#[cfg(test)]
+mod census;
 pub mod control_socket;
 pub mod iiwa;
 pub mod io;

@@ -25,7 +25,11 @@ fn start(client: &UdpSocket, fri: &str, more: &[&str]) -> Simulator {
 }
 
 fn client() -> UdpSocket {
-    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    bound("127.0.0.1:0")
+}
+
+fn bound(address: &str) -> UdpSocket {
+    let socket = UdpSocket::bind(address).unwrap();
     socket
         .set_read_timeout(Some(Duration::from_secs(20)))
         .unwrap();
@@ -130,10 +134,36 @@ fn a_client_may_go_and_come_back_and_the_session_too() {
 }
 
 #[test]
+fn a_client_that_exits_in_idle_may_come_back_as_another_process_would() {
+    // An address that other tests do not use: the port stays free while nobody listens.
+    let first = bound("127.0.0.5:0");
+    let address = first.local_addr().unwrap().to_string();
+    let version = Version::V1_14;
+    let mut simulator = start(&first, "1.15", &["--quality=0.5,0.3,0.1", "--bridge=5"]);
+    commanding(&first, version);
+    assert_eq!(
+        simulator.ask(r#"{"session":{"open":false}}"#),
+        json!({"ok": true})
+    );
+    while session(&mirror(&first, version, u32::MAX / 4).0) != 0 {}
+    drop(first);
+    simulator.await_state("the last message", |state| state["session"] == "idle");
+    assert_eq!(
+        simulator.ask(r#"{"session":{"open":true}}"#),
+        json!({"ok": true})
+    );
+    let sent = simulator.state()["counts"]["sent"].as_u64().unwrap();
+    simulator.await_state("messages to nobody", |state| {
+        state["counts"]["sent"].as_u64() > Some(sent + 20)
+    });
+    commanding(&bound(&address), version);
+    let state = simulator.state();
+    assert!(state["counts"]["entries"].as_u64() >= Some(2), "{state}");
+}
+
+#[test]
 fn client_and_robot_may_have_the_same_port_on_two_loopback_addresses() {
-    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let limit = Some(Duration::from_secs(20));
-    socket.set_read_timeout(limit).unwrap();
+    let socket = client();
     let port = socket.local_addr().unwrap().port();
     let bind = format!("--bind=127.0.0.2:{port}");
     let _simulator = start(&socket, "1.11", &[&bind]);

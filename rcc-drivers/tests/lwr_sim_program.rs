@@ -8,7 +8,7 @@ use rcc_drivers::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionSt
 use rcc_drivers::sim::trace::TraceRecord;
 use serde_json::json;
 use std::fs;
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
@@ -27,7 +27,11 @@ fn start(driver: &UdpSocket, more: &[&str]) -> Simulator {
 }
 
 fn pc() -> UdpSocket {
-    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    bound("127.0.0.1:0")
+}
+
+fn bound(address: &str) -> UdpSocket {
+    let socket = UdpSocket::bind(address).unwrap();
     socket
         .set_read_timeout(Some(Duration::from_secs(20)))
         .unwrap();
@@ -36,6 +40,11 @@ fn pc() -> UdpSocket {
 
 /// Answers one datagram by mirroring; returns the datagram.
 fn mirror(pc: &UdpSocket, sequence: u16) -> MeasurementDatagram {
+    mirror_to(pc, sequence).0
+}
+
+/// As [`mirror`]; returns the address of the controller, too.
+fn mirror_to(pc: &UdpSocket, sequence: u16) -> (MeasurementDatagram, SocketAddr) {
     let mut bytes = [0; 2048];
     let (length, source) = pc.recv_from(&mut bytes).expect("the controller sends");
     let seen = MeasurementDatagram::decode(&bytes[..length]).unwrap();
@@ -50,7 +59,14 @@ fn mirror(pc: &UdpSocket, sequence: u16) -> MeasurementDatagram {
         *position = seen.commanded_position[joint] + seen.commanded_position_offset[joint];
     }
     pc.send_to(&answer.encode(), source).unwrap();
-    seen
+    (seen, source)
+}
+
+/// Mirrors, with a counter from 1, until command state.
+fn commanding(pc: &UdpSocket) {
+    // A stall of this machine may cost the command state again: this number of cycles is ample.
+    let commanded = (1..20_000).any(|sequence| mirror(pc, sequence).state == SessionState::Command);
+    assert!(commanded);
 }
 
 #[test]
@@ -59,10 +75,7 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
     let folder = rcc_testing::folder();
     let trace = folder.path().join("trace.csv");
     let mut simulator = start(&pc, &["--trace", trace.to_str().unwrap()]);
-    // A stall of this machine may cost the command state again: this number of cycles is ample.
-    let commanded =
-        (1..20_000).any(|sequence| mirror(&pc, sequence).state == SessionState::Command);
-    assert!(commanded);
+    commanding(&pc);
     let state = simulator.state();
     assert!(
         state["counts"]["answered"].as_u64().unwrap() > 50,
@@ -89,6 +102,46 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
     assert!(simulator.ask("nonsense")["error"].is_string());
     assert_eq!(simulator.ask(r#"{"quit":null}"#)["ok"], true);
     assert!(simulator.child.wait().unwrap().success());
+}
+
+#[test]
+fn a_pc_may_exit_and_come_back_with_a_counter_of_its_own() {
+    // An address that other tests do not use: the port stays free while nobody listens.
+    let first = bound("127.0.0.4:0");
+    let address = first.local_addr().unwrap().to_string();
+    let mut simulator = start(&first, &["--quality=0.5,0.3,0.1"]);
+    commanding(&first);
+    drop(first);
+    simulator.await_state("monitor state", |state| state["fri_state"] == "monitor");
+    let sent = simulator.state()["counts"]["sent"].as_u64().unwrap();
+    simulator.await_state("datagrams to nobody", |state| {
+        state["counts"]["sent"].as_u64() > Some(sent + 20)
+    });
+    commanding(&bound(&address));
+    let state = simulator.state();
+    assert!(state["counts"]["entries"].as_u64() >= Some(2), "{state}");
+}
+
+#[test]
+fn pc_and_controller_may_have_the_same_port_on_two_loopback_addresses() {
+    let pc = pc();
+    let port = pc.local_addr().unwrap().port();
+    let bind = format!("--bind=127.0.0.2:{port}");
+    let _simulator = start(&pc, &[&bind]);
+    let (_, source) = mirror_to(&pc, 1);
+    assert_eq!(source, SocketAddr::from(([127, 0, 0, 2], port)));
+}
+
+#[test]
+fn what_is_not_taken_is_counted_and_told_in_the_state() {
+    let pc = pc();
+    let mut simulator = start(&pc, &[]);
+    let (_, source) = mirror_to(&pc, 1);
+    pc.send_to(&[0; 375], source).unwrap();
+    let state = simulator.await_state("a refusal", |state| state["counts"]["refused"] == 1);
+    let told = state["last_refusal"].as_str().unwrap_or_default();
+    assert!(told.contains("received 375 bytes, expected 376"), "{state}");
+    assert_eq!(state["counts"]["wrong_size"], 1, "{state}");
 }
 
 #[test]

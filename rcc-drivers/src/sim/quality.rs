@@ -147,6 +147,7 @@ fn figures(window: &[Option<f64>]) -> QualityFigures {
 mod tests {
     use super::*;
     use crate::fri_lwr::wire::Quality;
+    use std::collections::BTreeSet;
 
     fn meter_after(answers: usize, delay_s: f64) -> QualityMeter<Quality> {
         let mut meter = QualityMeter::new(QualityThresholds::default(), 1e-3);
@@ -167,6 +168,44 @@ mod tests {
     #[test]
     fn slow_answers_are_never_perfect() {
         assert_eq!(meter_after(500, 0.7e-3).quality(), Quality::Ok);
+    }
+
+    #[test]
+    fn every_transition_of_the_rating_is_visited_and_no_other() {
+        use Quality::{Bad, Ok, Perfect, Unacceptable};
+        // Delay of the answers in periods, and how many of 20 come.
+        let connections = [(0.1, 0), (0.1, 17), (0.7, 20), (0.1, 20)];
+        let mut visited = BTreeSet::new();
+        for (before, after) in connections
+            .iter()
+            .flat_map(|before| connections.iter().map(move |after| (before, after)))
+        {
+            let mut meter = QualityMeter::<Quality>::new(QualityThresholds::default(), 1.0);
+            let mut last = meter.quality();
+            for (delay, of_20) in [before, after] {
+                for cycle in 0..400 {
+                    meter.record((cycle % 20 < *of_20).then_some(*delay));
+                    if meter.quality() != last {
+                        visited.insert((last as u16, meter.quality() as u16));
+                        last = meter.quality();
+                    }
+                }
+            }
+        }
+        // Upward any number of steps, after the hold time; downward one, because one cycle is a hundredth of the window.
+        let possible = [
+            (Unacceptable, Bad),
+            (Unacceptable, Ok),
+            (Unacceptable, Perfect),
+            (Bad, Ok),
+            (Bad, Perfect),
+            (Ok, Perfect),
+            (Perfect, Ok),
+            (Ok, Bad),
+            (Bad, Unacceptable),
+        ];
+        let possible = possible.map(|(from, to)| (from as u16, to as u16));
+        assert_eq!(visited, possible.into_iter().collect());
     }
 
     #[test]

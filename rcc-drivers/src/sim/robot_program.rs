@@ -53,6 +53,8 @@ pub trait Controller: Send + 'static {
     type State: Serialize + Send + 'static;
     /// A datagram to the PC.
     type Datagram: AsRef<[u8]>;
+    /// Why a datagram of the PC is not taken.
+    type NotTaken: Display;
 
     /// Period of its datagrams, s.
     fn period_s(&self) -> f64;
@@ -74,7 +76,10 @@ pub trait Controller: Send + 'static {
     fn tick(&mut self, periods: u64) -> Option<Self::Datagram>;
 
     /// Processes a datagram that arrived `delay_s` seconds after the last one was sent.
-    fn receive(&mut self, bytes: &[u8], delay_s: f64);
+    ///
+    /// # Errors
+    /// Returns why it is not taken; it has been counted then.
+    fn receive(&mut self, bytes: &[u8], delay_s: f64) -> Result<(), Self::NotTaken>;
 
     /// Counts a datagram from another address.
     fn receive_foreign(&mut self);
@@ -217,6 +222,7 @@ pub fn run<C: Controller>(
             commands,
             trace: trace.clone(),
             sent_ns: 0,
+            not_taken: 0,
         };
         let priority = options.priority;
         thread::Builder::new().name("clock".into()).spawn(move || {
@@ -356,6 +362,8 @@ struct ClockThread<C: Controller> {
     trace: TraceSink,
     /// CLOCK_MONOTONIC at which the last datagram was handed to the socket, ns.
     sent_ns: i64,
+    /// Number of answers that the controller did not take.
+    not_taken: u64,
 }
 
 impl<C: Controller> ClockThread<C> {
@@ -402,10 +410,20 @@ impl<C: Controller> ClockThread<C> {
         let delay_s = (arrival.time_ns - self.sent_ns).max(0) as f64 * 1e-9;
         let datagram = &arrival.bytes[..arrival.length];
         if self.controller.network().is_clear() {
-            return self.controller.receive(datagram, delay_s);
+            return self.hand_over(datagram, delay_s);
         }
         for datagram in self.controller.network().from_pc(datagram) {
-            self.controller.receive(&datagram, delay_s);
+            self.hand_over(&datagram, delay_s);
+        }
+    }
+
+    /// Lets the controller judge a datagram; the log tells the 1st, 2nd, 4th, 8th … refusal.
+    fn hand_over(&mut self, datagram: &[u8], delay_s: f64) {
+        if let Err(refusal) = self.controller.receive(datagram, delay_s) {
+            self.not_taken += 1;
+            if self.not_taken.is_power_of_two() {
+                tracing::warn!(count = self.not_taken, "answer not taken: {refusal}");
+            }
         }
     }
 

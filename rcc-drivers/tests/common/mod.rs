@@ -64,6 +64,18 @@ impl Simulator {
     pub fn state(&mut self) -> Value {
         self.ask(r#"{"state":null}"#)
     }
+
+    /// Asks for the state, each time once per tick, until it is as `wanted`.
+    pub fn await_state(&mut self, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        let mut state = Value::Null;
+        for _ in 0..10_000 {
+            state = self.state();
+            if wanted(&state) {
+                return state;
+            }
+        }
+        panic!("{what}: {state}");
+    }
 }
 
 impl Drop for Simulator {

@@ -99,7 +99,8 @@ impl FriFixture {
         let outputs = self.session.exchange(self.now_ns, &inputs, &exchange);
         let answer = self.fri.answer(&outputs);
         if self.connected {
-            self.krc.receive(&answer, 1e-4);
+            let taken = self.krc.receive(&answer, 1e-4);
+            assert_eq!(taken, Ok(()), "the driver's own answer");
         }
         self.answers
             .push(CommandDatagram::decode(&answer).expect("our own bytes"));

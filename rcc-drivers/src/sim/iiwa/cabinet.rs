@@ -59,7 +59,6 @@ pub struct Cabinet {
     pub(super) faults: Vec<FaultRecord>,
     pub(super) counts: CabinetCounts,
     pub(super) last_refusal: Option<AnswerRefusal>,
-    refusals: u64,
     pub(super) quality: QualityMeter<Quality>,
     pub(super) arm: SimulatedArm,
     /// Springs, dampers and what the client adds.
@@ -114,7 +113,6 @@ impl Cabinet {
             faults: Vec::new(),
             counts: CabinetCounts::default(),
             last_refusal: None,
-            refusals: 0,
             quality: QualityMeter::new(settings.quality, period_s),
             arm: SimulatedArm::new(start, settings.bandwidth_rad_s),
             impedance: settings.impedance,
@@ -154,7 +152,6 @@ impl Cabinet {
         let result = self.take(bytes, delay_s);
         if let Err(refusal) = &result {
             self.counts.refuse(refusal);
-            self.refusals += 1;
             self.last_refusal = Some(refusal.clone());
         }
         result
@@ -226,12 +223,6 @@ impl Cabinet {
     /// Counts a datagram from another address.
     pub fn receive_foreign(&mut self) {
         self.counts.foreign += 1;
-    }
-
-    /// Returns the number of answers that were not taken.
-    #[must_use]
-    pub fn refusals(&self) -> u64 {
-        self.refusals
     }
 
     /// Ends the cycle and starts the next; returns the next message, or `None` while none is sent.

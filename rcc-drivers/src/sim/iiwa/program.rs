@@ -3,6 +3,7 @@
 
 use super::cabinet::Cabinet;
 use super::control::{CabinetRequest, ControlError};
+use super::fault::AnswerRefusal;
 use super::options::Options;
 use super::statistics::Snapshot;
 use crate::sim::network::Network;
@@ -17,6 +18,7 @@ impl Controller for Cabinet {
     type Refusal = ControlError;
     type State = Snapshot;
     type Datagram = Vec<u8>;
+    type NotTaken = AnswerRefusal;
 
     fn period_s(&self) -> f64 {
         self.settings.period_s()
@@ -41,12 +43,8 @@ impl Controller for Cabinet {
         Cabinet::tick(self, periods)
     }
 
-    fn receive(&mut self, bytes: &[u8], delay_s: f64) {
-        if let Err(refusal) = Cabinet::receive(self, bytes, delay_s)
-            && self.refusals().is_power_of_two()
-        {
-            tracing::warn!(count = self.refusals(), "answer not taken: {refusal}");
-        }
+    fn receive(&mut self, bytes: &[u8], delay_s: f64) -> Result<(), AnswerRefusal> {
+        Cabinet::receive(self, bytes, delay_s)
     }
 
     fn receive_foreign(&mut self) {

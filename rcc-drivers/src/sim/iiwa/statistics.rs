@@ -26,6 +26,8 @@ pub struct CabinetCounts {
     pub missed: u64,
     /// Longest run of missed answers while commands are executed.
     pub missed_in_a_row_max: u32,
+    /// Answers not taken, for any of the reasons that follow.
+    pub refused: u64,
     /// Answers that do not reflect the last message.
     pub late: u64,
     /// Answers whose counter does not increase, and further answers to one message.
@@ -67,6 +69,7 @@ pub struct CabinetCounts {
 impl CabinetCounts {
     /// Counts an answer that is not taken.
     pub fn refuse(&mut self, refusal: &AnswerRefusal) {
+        self.refused += 1;
         let counter = match refusal {
             AnswerRefusal::Wire(
                 WireError::OtherFrame(_) | WireError::Length { .. } | WireError::Size(_),

@@ -188,6 +188,7 @@ impl Krc {
             waiting_for: self.monitor_reason.map(|waiting| waiting.to_string()),
             fault: self.fault.map(|fault| fault.to_string()),
             faults: self.faults.clone(),
+            last_refusal: self.last_refusal.map(|refusal| refusal.to_string()),
             drives_on: self.drives_on(),
             emergency_stop: self.emergency_stop,
             q: self.arm.position,

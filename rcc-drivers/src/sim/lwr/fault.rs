@@ -1,7 +1,7 @@
-//! Why the simulated controller has stopped the arm, and why it stays in monitor state.
+//! Why the simulated controller has stopped the arm, why it stays in monitor state, and why it does not take an answer.
 //! Plain data; created by the clock thread, read through the control port.
 
-use crate::fri_lwr::wire::Quality;
+use crate::fri_lwr::wire::{Quality, WireError};
 use crate::sim::arm::command_stream::StreamFault;
 use thiserror::Error;
 
@@ -226,4 +226,31 @@ pub enum MonitorReason {
     /// The KRL program is ending.
     #[error("the controller's program is ending")]
     Closing,
+}
+
+/// Why an answer is not taken. It is never answered itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum DatagramRefusal {
+    /// The bytes are no command datagram of FRI 1.0.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// It does not reflect the last datagram.
+    #[error("the answer reflects datagram {have}, the last one is {want}: it came too late")]
+    Late {
+        /// The last datagram.
+        want: u16,
+        /// Reflected.
+        have: u16,
+    },
+    /// The PC's counter does not increase, or the last datagram has been answered.
+    #[error("the PC's counter {have} does not follow {last}")]
+    Duplicate {
+        /// The last one.
+        last: u16,
+        /// Received.
+        have: u16,
+    },
+    /// A selected position is NaN or infinite, in monitor state.
+    #[error("a commanded position is not a number")]
+    NotFinite,
 }

@@ -3,19 +3,19 @@
 //! Runs in virtual time; the program's clock thread calls it in real time, tests as fast as they can.
 //!
 //! One cycle: a measurement datagram is sent, [`Krc::receive`] takes the answer, [`Krc::tick`] supervises it, runs the
-//! KRL program, moves the arm, and builds the next datagram. An invalid datagram is counted but not answered: a real
-//! controller does not answer either.
+//! KRL program, moves the arm, and builds the next datagram. What a real controller would not accept is not accepted, never
+//! answered, counted by its cause, and told in the state (`last_refusal`).
 //!
 //! Variables that the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention);
 //! `$FRI_TO_INT[2]` is the code of the unacknowledged fault ([`KrcFault::code`]), or 0; and those of its handshake with the PC
 //! ([`super::settings::KrlProgram`]).
 
-use super::fault::{KrcFault, MonitorReason};
+use super::fault::{DatagramRefusal, KrcFault, MonitorReason};
 use super::model::{LWR_4_PLUS, geometry};
 use super::settings::{KrlLoopback, Settings};
 use super::statistics::{FAULTS_KEPT, FaultRecord, KrcCounts};
 use super::{JOINTS, Joints};
-use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, Quality, WireError, flags};
+use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, Quality, flags};
 use crate::sim::arm::command_stream::CommandStream;
 use crate::sim::arm::environment::Environment;
 use crate::sim::arm::impedance::{ControlLaw, ImpedanceControl, ImpedanceSettings};
@@ -48,6 +48,7 @@ pub struct Krc {
     pub(super) monitor_reason: Option<MonitorReason>,
     pub(super) faults: Vec<FaultRecord>,
     pub(super) counts: KrcCounts,
+    pub(super) last_refusal: Option<DatagramRefusal>,
     pub(super) quality: QualityMeter<Quality>,
     pub(super) arm: SimulatedArm,
     /// The commanded impedance, or the values of `$STIFFNESS` while nothing is commanded.
@@ -91,6 +92,7 @@ impl Krc {
             monitor_reason: Some(MonitorReason::Answer),
             faults: Vec::new(),
             counts: KrcCounts::default(),
+            last_refusal: None,
             quality: QualityMeter::new(settings.quality, period_s),
             arm: SimulatedArm::new(start, settings.bandwidth_rad_s),
             impedance: ImpedanceSettings::default_for(settings.strategy),
@@ -124,29 +126,45 @@ impl Krc {
     }
 
     /// Processes a datagram from the PC that arrived `delay_s` seconds after the last measurement datagram was sent.
-    pub fn receive(&mut self, bytes: &[u8], delay_s: f64) {
-        let answer = match CommandDatagram::decode(bytes) {
-            Ok(answer) => answer,
-            Err(WireError::Size { .. }) => return self.counts.wrong_size += 1,
-            Err(_) => return self.counts.wrong_identity += 1,
-        };
-        if self.drop_percent > 0.0 && self.chance.draw() * 100.0 < self.drop_percent {
-            return self.counts.dropped += 1;
+    ///
+    /// # Errors
+    /// Returns why it is not taken; it is counted then.
+    pub fn receive(&mut self, bytes: &[u8], delay_s: f64) -> Result<(), DatagramRefusal> {
+        let result = self.take(bytes, delay_s);
+        if let Err(refusal) = &result {
+            self.counts.refuse(refusal);
+            self.last_refusal = Some(*refusal);
         }
-        if answer.reflected_sequence != self.sequence() || self.sent.is_none() {
-            return self.counts.late += 1;
+        result
+    }
+
+    fn take(&mut self, bytes: &[u8], delay_s: f64) -> Result<(), DatagramRefusal> {
+        let answer = CommandDatagram::decode(bytes)?;
+        if self.drop_percent > 0.0 && self.chance.draw() * 100.0 < self.drop_percent {
+            self.counts.dropped += 1;
+            return Ok(());
+        }
+        let (want, have) = (self.sequence(), answer.reflected_sequence);
+        if have != want || self.sent.is_none() {
+            return Err(DatagramRefusal::Late { want, have });
         }
         // A restarted PC counts from the beginning, which does no harm in monitor state.
-        let backward = self
-            .last_answer_sequence
-            .is_some_and(|last| answer.send_sequence.wrapping_sub(last) as i16 <= 0);
+        let (last, own) = (self.last_answer_sequence, answer.send_sequence);
+        let backward = last.is_some_and(|last| own.wrapping_sub(last).cast_signed() <= 0);
         if self.answer.is_some() || (backward && self.in_command_state()) {
-            return self.counts.duplicate += 1;
+            let last = self
+                .answer
+                .map_or(last, |(first, _)| Some(first.send_sequence));
+            return Err(DatagramRefusal::Duplicate {
+                last: last.unwrap_or(0),
+                have: own,
+            });
         }
         if !self.in_command_state() && !has_finite_position(&answer) {
-            return self.counts.not_finite += 1;
+            return Err(DatagramRefusal::NotFinite);
         }
         self.answer = Some((answer, delay_s));
+        Ok(())
     }
 
     /// Counts a datagram from another address.
@@ -267,6 +285,7 @@ impl Krc {
 
     pub(super) fn reset_statistics(&mut self) {
         self.counts = KrcCounts::default();
+        self.last_refusal = None;
         self.faults.clear();
         self.arm.reset_extremes();
         self.last_stream.velocity_max = [0.0; JOINTS];

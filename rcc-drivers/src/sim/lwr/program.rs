@@ -2,6 +2,7 @@
 //! Run by the main thread.
 
 use super::control::{ControlError, KrcCommand};
+use super::fault::DatagramRefusal;
 use super::krc::Krc;
 use super::options::Options;
 use super::statistics::Snapshot;
@@ -18,6 +19,7 @@ impl Controller for Krc {
     type Refusal = ControlError;
     type State = Snapshot;
     type Datagram = [u8; MSR_SIZE];
+    type NotTaken = DatagramRefusal;
 
     fn period_s(&self) -> f64 {
         self.settings.period_s
@@ -39,8 +41,8 @@ impl Controller for Krc {
         Krc::tick(self, periods)
     }
 
-    fn receive(&mut self, bytes: &[u8], delay_s: f64) {
-        Krc::receive(self, bytes, delay_s);
+    fn receive(&mut self, bytes: &[u8], delay_s: f64) -> Result<(), DatagramRefusal> {
+        Krc::receive(self, bytes, delay_s)
     }
 
     fn receive_foreign(&mut self) {

@@ -2,6 +2,8 @@
 //! Plain data; written by the clock thread, converted to JSON by the control port's threads.
 
 use super::Joints;
+use super::fault::DatagramRefusal;
+use crate::fri_lwr::wire::WireError;
 use crate::sim::arm::dynamics::FlangeLoad;
 use crate::sim::arm::environment::Wall;
 use crate::sim::arm::impedance::ControlLaw;
@@ -22,6 +24,8 @@ pub struct KrcCounts {
     pub missed: u64,
     /// Longest run of cycles without a valid answer while commanding.
     pub missed_in_a_row_max: u32,
+    /// Answers not taken, for any of the reasons that follow.
+    pub refused: u64,
     /// Answers that did not reflect the sequence number of the last datagram.
     pub late: u64,
     /// Further answers to the last datagram, and answers with a decreasing sequence number in command state.
@@ -46,6 +50,21 @@ pub struct KrcCounts {
     pub entries: u64,
     /// Faults.
     pub faults: u64,
+}
+
+impl KrcCounts {
+    /// Counts an answer that is not taken.
+    pub fn refuse(&mut self, refusal: &DatagramRefusal) {
+        self.refused += 1;
+        let counter = match refusal {
+            DatagramRefusal::Wire(WireError::Size { .. }) => &mut self.wrong_size,
+            DatagramRefusal::Wire(_) => &mut self.wrong_identity,
+            DatagramRefusal::Late { .. } => &mut self.late,
+            DatagramRefusal::Duplicate { .. } => &mut self.duplicate,
+            DatagramRefusal::NotFinite => &mut self.not_finite,
+        };
+        *counter += 1;
+    }
 }
 
 /// A fault in the history.
@@ -91,6 +110,8 @@ pub struct Snapshot {
     pub fault: Option<String>,
     /// The last faults, oldest first.
     pub faults: Vec<FaultRecord>,
+    /// Why the last answer that was not taken was refused.
+    pub last_refusal: Option<String>,
     /// The drives are on.
     pub drives_on: bool,
     /// The emergency stop is pressed.

@@ -1,6 +1,7 @@
 //! The simulated controller against a PC in virtual time, one step per cycle.
 //! Runs in the test harness.
 
+mod census;
 mod entry;
 mod exchange;
 mod handshake;
@@ -8,7 +9,7 @@ mod impedance;
 mod stops;
 
 use super::control::KrcCommand;
-use super::fault::KrcFault;
+use super::fault::{KrcFault, MonitorReason};
 use super::krc::Krc;
 use super::settings::{Acknowledge, KrlLoopback, KrlProgram, Settings};
 use super::{JOINTS, Joints};
@@ -21,6 +22,21 @@ struct Pc {
     krc: Krc,
     seen: MeasurementDatagram,
     sequence: u16,
+    /// Every state of the controller, in the order in which they were seen.
+    phases: Vec<Phase>,
+    /// Every reason to stay in monitor state that was told.
+    waits: Vec<MonitorReason>,
+}
+
+/// State of the interface, and of the arm in monitor state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Phase {
+    /// Monitor state, the arm at rest.
+    Rest,
+    /// Command state.
+    Command,
+    /// Monitor state, the arm is brought to rest, or yields to a force.
+    Moving,
 }
 
 impl Pc {
@@ -31,6 +47,8 @@ impl Pc {
             krc,
             seen: MeasurementDatagram::decode(&first).unwrap(),
             sequence: 0,
+            phases: Vec::new(),
+            waits: Vec::new(),
         }
     }
 
@@ -53,7 +71,8 @@ impl Pc {
 
     /// Runs one cycle with this answer.
     fn answer(&mut self, answer: &CommandDatagram) {
-        self.krc.receive(&answer.encode(), 1e-4);
+        let taken = self.krc.receive(&answer.encode(), 1e-4);
+        assert_eq!(taken, Ok(()));
         self.continue_through_stall(1);
     }
 
@@ -65,6 +84,19 @@ impl Pc {
     fn continue_through_stall(&mut self, periods_max: u64) {
         if let Some(bytes) = self.krc.tick(periods_max) {
             self.seen = MeasurementDatagram::decode(&bytes).unwrap();
+        }
+        let phase = match (self.krc.in_command_state(), self.krc.is_at_rest()) {
+            (true, _) => Phase::Command,
+            (false, true) => Phase::Rest,
+            (false, false) => Phase::Moving,
+        };
+        if self.phases.last() != Some(&phase) {
+            self.phases.push(phase);
+        }
+        if let Some(reason) = self.krc.monitor_reason
+            && self.waits.last() != Some(&reason)
+        {
+            self.waits.push(reason);
         }
     }
 

@@ -8,20 +8,9 @@ use super::*;
 use crate::fri_iiwa::wire::schema::{IoValue, MessageEnd};
 use crate::fri_iiwa::wire::{DATAGRAM_MAX, WireError};
 use crate::sim::arm::command_stream::StreamFault;
+use crate::sim::census::{all, variants};
 use crate::sim::iiwa::fault::AnswerRefusal;
 use crate::sim::iiwa::settings::{MotionStart, Selector};
-
-/// Defines the names of all variants, and a function that names a value, from the same list of patterns.
-macro_rules! variants {
-    ($all:ident, $name:ident, $type:ty: $($variant:pat),+ $(,)?) => {
-        const $all: &[&str] = &[$(stringify!($variant)),+];
-        fn $name(value: &$type) -> &'static str {
-            match value {
-                $($variant => stringify!($variant)),+
-            }
-        }
-    };
-}
 
 variants!(REFUSALS, refusal_name, AnswerRefusal:
     AnswerRefusal::Wire(WireError::Size(_)),
@@ -74,10 +63,6 @@ variants!(WAITS, wait_name, WaitReason:
     WaitReason::Motion,
     WaitReason::Synchronising,
 );
-
-fn all(names: &[&'static str]) -> BTreeSet<&'static str> {
-    names.iter().copied().collect()
-}
 
 /// Returns a mirroring answer with this change, as bytes.
 fn changed(client: &mut Client, change: impl Fn(&mut Command)) -> Vec<u8> {
@@ -170,7 +155,7 @@ fn every_refusal_is_provoked_counted_and_told_and_the_next_answer_is_taken() {
         client.run(5, |_| {});
         let bytes = provoke(&mut client);
         let refusal = client.cabinet.receive(&bytes, 1e-4).expect_err("refused");
-        assert_eq!(client.cabinet.refusals(), 1, "{refusal}");
+        assert_eq!(client.cabinet.counts.refused, 1, "{refusal}");
         assert_eq!(client.cabinet.last_refusal, Some(refusal.clone()));
         seen.insert(refusal_name(&refusal));
         let answered = client.cabinet.counts.answered;

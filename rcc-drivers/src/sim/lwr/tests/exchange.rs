@@ -10,22 +10,22 @@ fn wrong_datagrams_are_counted_and_change_nothing() {
     let mut pc = Pc::commanding(Settings::default());
     let good = pc.mirror();
     let good_bytes = good.encode();
-    pc.krc.receive(&good_bytes[..375], 1e-4);
+    let receive = |pc: &mut Pc, bytes: &[u8]| pc.krc.receive(bytes, 1e-4).is_ok();
+    assert!(!receive(&mut pc, &good_bytes[..375]));
     let mut other_id = good_bytes;
     other_id[6] ^= 1;
-    pc.krc.receive(&other_id, 1e-4);
+    assert!(!receive(&mut pc, &other_id));
     let late = CommandDatagram {
         reflected_sequence: good.reflected_sequence.wrapping_sub(1),
         ..good
     };
-    pc.krc.receive(&late.encode(), 1e-4);
+    assert!(!receive(&mut pc, &late.encode()));
     let backward = CommandDatagram {
         send_sequence: good.send_sequence.wrapping_sub(9),
         ..good
     };
-    pc.krc.receive(&backward.encode(), 1e-4);
-    pc.krc.receive(&good_bytes, 1e-4);
-    pc.krc.receive(&good_bytes, 1e-4);
+    assert!(!receive(&mut pc, &backward.encode()));
+    assert!(receive(&mut pc, &good_bytes) && !receive(&mut pc, &good_bytes));
     pc.krc.receive_foreign();
     pc.continue_through_stall(1);
     let counts = pc.krc.counts;

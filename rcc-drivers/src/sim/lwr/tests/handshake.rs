@@ -150,7 +150,7 @@ fn a_program_that_waits_for_perfect_does_not_start_at_ok() {
     for _ in 0..500 {
         let answer = pc.mirror();
         // An answer in the second half of its period is in time, but never PERFECT.
-        pc.krc.receive(&answer.encode(), 0.7e-3);
+        assert_eq!(pc.krc.receive(&answer.encode(), 0.7e-3), Ok(()));
         pc.continue_through_stall(1);
     }
     assert_eq!(

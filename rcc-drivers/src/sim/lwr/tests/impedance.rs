@@ -4,7 +4,7 @@
 use super::*;
 use crate::sim::arm::impedance::ImpedanceSettings;
 
-fn settings(strategy: ControlLaw) -> Settings {
+pub(super) fn settings(strategy: ControlLaw) -> Settings {
     Settings {
         strategy,
         ..Settings::default()
@@ -13,7 +13,7 @@ fn settings(strategy: ControlLaw) -> Settings {
 
 impl Pc {
     /// As [`Pc::mirror`], with all fields of the strategy.
-    fn soft(&mut self) -> CommandDatagram {
+    pub(super) fn soft(&mut self) -> CommandDatagram {
         let strategy = self.krc.settings.strategy;
         let usual = ImpedanceSettings::default_for(strategy);
         let narrow = |value: f64| value as f32;
@@ -29,7 +29,7 @@ impl Pc {
         }
     }
 
-    fn soft_for(&mut self, cycles: usize, change: impl Fn(&mut CommandDatagram)) {
+    pub(super) fn soft_for(&mut self, cycles: usize, change: impl Fn(&mut CommandDatagram)) {
         for _ in 0..cycles {
             let mut answer = self.soft();
             change(&mut answer);
@@ -37,7 +37,7 @@ impl Pc {
         }
     }
 
-    fn soft_commanding(strategy: ControlLaw) -> Self {
+    pub(super) fn soft_commanding(strategy: ControlLaw) -> Self {
         let mut pc = Self::new(settings(strategy));
         pc.soft_for(200, |_| {});
         assert_eq!(
@@ -50,7 +50,8 @@ impl Pc {
     }
 }
 
-const SOFT: [ControlLaw; 2] = [ControlLaw::CartesianImpedance, ControlLaw::JointImpedance];
+pub(super) const SOFT: [ControlLaw; 2] =
+    [ControlLaw::CartesianImpedance, ControlLaw::JointImpedance];
 
 #[test]
 fn the_strategy_is_reported_and_its_flags_stay_as_they_were_at_the_entry() {

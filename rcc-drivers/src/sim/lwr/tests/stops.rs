@@ -146,7 +146,9 @@ fn the_request_to_end_brings_a_moving_arm_to_rest_without_a_fault() {
 #[test]
 fn a_command_that_is_not_finite_is_dropped_in_monitor_state_and_a_fault_in_command_state() {
     let mut pc = Pc::new(Settings::default());
-    pc.command_joint_4(f64::NAN);
+    let mut answer = pc.mirror();
+    answer.joint_position[3] = f32::NAN;
+    assert!(pc.krc.receive(&answer.encode(), 1e-4).is_err());
     assert_eq!((pc.krc.counts.not_finite, pc.krc.fault), (1, None));
     let mut pc = Pc::moving(Settings::default(), 0.5);
     pc.command_joint_4(f64::INFINITY);
@@ -193,7 +195,7 @@ fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_visible
         },
         ..pc.mirror()
     };
-    pc.krc.receive(&answer.encode(), 1e-4);
+    assert_eq!(pc.krc.receive(&answer.encode(), 1e-4), Ok(()));
     let before = pc.krc.sequence();
     pc.continue_through_stall(9);
     assert_eq!(pc.krc.sequence(), before + 9);
