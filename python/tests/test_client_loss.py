@@ -1,63 +1,19 @@
 """A program that gets SIGKILL leaves what `on_client_loss` says, in each phase."""
 
-import os
-import signal
-import subprocess
-import sys
-import textwrap
 import time
-from pathlib import Path
 
 import pytest
+from client_programs import Program, states
 
 import rcc
 
 arm = rcc.Arm("lwr")
-HEAD = """
-import rcc, sys
-arm = rcc.Arm("lwr")
-slow = arm.lin([0.538, 0.15, 0.384], velocity=0.01 * rcc.m / rcc.s)
-cell = rcc.connect(sys.argv[1], lost_after=0.5)
-
-
-def ready():
-    sys.stdout.write("ready\\n")
-    sys.stdout.flush()
-"""
 
 
 @pytest.fixture
 def home(cell):
     """The arm is where the programs begin."""
     cell.run(arm.move([0.538, 0.0, 0.384], scale=0.5))
-
-
-class Program:
-    """A program in a process of its own, which says when it is ready to be killed."""
-
-    def __init__(self, cell_name, text):
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", HEAD + textwrap.dedent(text), cell_name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=Path(__file__).parent,
-        )
-
-    def kill(self, after=0.0, also=None):
-        """SIGKILL, some time after it is ready; also to another process."""
-        assert self.process.stdout.readline() == "ready\n"
-        time.sleep(after)
-        self.process.kill()
-        if also is not None:
-            os.kill(also, signal.SIGKILL)
-        self.process.wait()
-        self.process.stdin.close()
-        self.process.stdout.close()
-
-
-def states(cell):
-    return [(view["net"], view["state"], view.get("reason")) for view in cell.commands()]
 
 
 def ended(cell, count=1):

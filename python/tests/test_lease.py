@@ -88,6 +88,10 @@ def starts(loader):
     return [(path, body.get("lease")) for _, path, body in loader.asked if "start" in path or path == "/switch"]
 
 
+def ended(loader):
+    return [path for method, path, _ in loader.asked if method == "DELETE"]
+
+
 def renewals(asked, number=1):
     return sum(path == f"/leases/{number}/renew" for _, path, _ in asked)
 
@@ -137,6 +141,15 @@ def test_one_that_expired_is_asked_for_again(loader):
         cell.start("net: a")
     granted = [lease for _, lease in starts(loader)]
     assert granted[0] == 1 and granted[-1] == 3 and 2 in granted
+    assert ended(loader) == ["/leases/3"], "those that are known to have expired are forgotten"
+
+
+def test_one_that_is_known_to_have_expired_is_not_ended(loader):
+    with rcc.connect("told", lost_after=0.2) as cell:
+        cell.start("net: a")
+        loader.expired.add(1)
+        cell._inner._lease._thread.join(60)
+    assert loader.granted == 1 and ended(loader) == []
 
 
 def test_the_same_without_blocking(loader):

@@ -88,9 +88,11 @@ class AsyncCell:
         try:
             if lease is not None:
                 lease.end()
-                # One that has expired already has had its effect, and so has the end of the cell.
-                with suppress(errors.RccError):
-                    await self._ask("DELETE", f"/leases/{lease.number}")
+                # One that is known to be lost has had its effect. So has one that is not known to be, and the end of
+                # the cell: then the answer is an error.
+                if not lease.is_lost:
+                    with suppress(errors.RccError):
+                        await self._ask("DELETE", f"/leases/{lease.number}")
         finally:
             await self._io.close()
 
