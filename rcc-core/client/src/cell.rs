@@ -32,7 +32,7 @@ const LOST_AFTER: Duration = Duration::from_secs(1);
 pub struct Cell {
     pub(crate) client: LoaderClient,
     lost_after: Duration,
-    lease: Mutex<Option<Lease>>,
+    pub(crate) lease: Mutex<Option<Lease>>,
 }
 
 impl Cell {
@@ -116,8 +116,11 @@ impl Cell {
     /// Returns the number of this program's lease; requests one if there is none, or if it is lost or is `expired`.
     fn lease(&self, expired: Option<u64>) -> Result<u64, ClientError> {
         let mut held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_gone = |lease: &Lease| lease.is_lost() || Some(lease.number) == expired;
-        if held.as_ref().is_some_and(is_gone) {
+        if let Some(lease) = held.as_ref().filter(|lease| Some(lease.number) == expired) {
+            // It must not be ended: the loader has said that it is not there.
+            lease.set_lost();
+        }
+        if held.as_ref().is_some_and(Lease::is_lost) {
             *held = None;
         }
         let lease = match held.take() {

@@ -23,7 +23,7 @@ pub(crate) struct Lease {
     pub number: u64,
     client: LoaderClient,
     ended: Option<Sender<()>>,
-    // Written by the thread, read by `is_lost`.
+    // Written by the thread and by `set_lost`, read by `is_lost`.
     lost: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -60,6 +60,11 @@ impl Lease {
     /// Returns true when the cell has forgotten it: what was bound to it was cancelled.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Notes that the cell has forgotten it, as a refused START tells before the next renewal does.
+    pub fn set_lost(&self) {
+        self.lost.store(true, Ordering::Relaxed);
     }
 }
 
@@ -99,3 +104,6 @@ impl Renewing {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,154 @@
+//! What a client asks a loader about its lease. Run by the test harness; a thread of the test answers as a loader does.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::*;
+use crate::{Cell, CommandView, OnClientLoss, StatusView};
+
+/// A loader as far as leases are concerned.
+#[derive(Default)]
+struct ToldLoader {
+    /// Method and path of each request.
+    asked: Vec<String>,
+    granted: u64,
+    expired: Vec<u64>,
+}
+
+impl ToldLoader {
+    fn answer(&mut self, request: &str, body: &Value) -> (u16, Value) {
+        self.asked.push(request.to_owned());
+        let part = request.split("/leases/").nth(1);
+        let lease = part.and_then(|part| part.split('/').next()?.parse().ok());
+        if let Some(lease) = lease.or(body["lease"].as_u64())
+            && self.expired.contains(&lease)
+        {
+            let code = codes::UNKNOWN_LEASE.code;
+            return (
+                404,
+                json!({"code": code, "message": "it does not exist, or has expired"}),
+            );
+        }
+        let view = CommandView {
+            state: "ready".to_owned(),
+            ..CommandView::default()
+        };
+        let answer = match request {
+            "POST /leases" => {
+                self.granted += 1;
+                json!({"lease": self.granted, "expires_ms": body["expires_ms"]})
+            }
+            "GET /status" => json!(StatusView::default()),
+            "POST /commands" => json!({"id": 0, "state": "loading"}),
+            _ if lease.is_some() => json!({"lease": lease, "cycle": 1}),
+            _ if request.starts_with("POST") => json!({"id": 0, "net": "a", "cycle": 7}),
+            _ => json!(view),
+        };
+        (200, answer)
+    }
+}
+
+/// Starts a loader; returns it with its address. It ends with the process of the test.
+fn loader() -> (Arc<Mutex<ToldLoader>>, String) {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let url = format!("http://{}", listener.local_addr().expect("an address"));
+    let loader = Arc::new(Mutex::new(ToldLoader::default()));
+    let served = Arc::clone(&loader);
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            serve(&stream.expect("a connection"), &served);
+        }
+    });
+    (loader, url)
+}
+
+/// Answers the one request of a connection.
+fn serve(mut stream: &TcpStream, loader: &Mutex<ToldLoader>) {
+    let mut reader = BufReader::new(stream);
+    let mut lines = Vec::new();
+    loop {
+        let mut line = String::new();
+        reader.read_line(&mut line).expect("a line");
+        match line.trim() {
+            "" => break,
+            line => lines.push(line.to_ascii_lowercase()),
+        }
+    }
+    let length = lines
+        .iter()
+        .find_map(|line| line.strip_prefix("content-length: ")?.parse().ok());
+    let mut body = vec![0; length.unwrap_or(0)];
+    reader.read_exact(&mut body).expect("a body");
+    let (method, rest) = lines[0].split_once(' ').expect("a method");
+    let path = rest.split([' ', '?']).next().unwrap_or_default();
+    let request = format!("{} {path}", method.to_ascii_uppercase());
+    let body = serde_json::from_slice(&body).unwrap_or_default();
+    let (status, answer) = told(loader).answer(&request, &body);
+    let answer = answer.to_string();
+    let head = format!(
+        "HTTP/1.1 {status} .\r\ncontent-length: {}\r\n\r\n",
+        answer.len()
+    );
+    // A client that was dropped does not read.
+    let _ = stream.write_all((head + &answer).as_bytes());
+}
+
+fn told(loader: &Mutex<ToldLoader>) -> MutexGuard<'_, ToldLoader> {
+    loader.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Returns the leases that were ended.
+fn ended(loader: &Mutex<ToldLoader>) -> Vec<String> {
+    let told = told(loader);
+    let ended = told
+        .asked
+        .iter()
+        .filter_map(|asked| asked.strip_prefix("DELETE "));
+    ended.map(str::to_owned).collect()
+}
+
+#[test]
+fn a_lease_of_which_start_says_that_it_has_expired_is_not_ended() {
+    let (loader, url) = loader();
+    let cell = Cell::remote(&url, None).expect("a loader");
+    // The thread that renews does not notice.
+    let cell = cell.with_lost_after(Duration::from_secs(3600));
+    let command = cell.load("net: a").expect("it is ready");
+    command.start_with(OnClientLoss::Cancel).expect("a start");
+    told(&loader).expired.push(1);
+    command
+        .start_with(OnClientLoss::Cancel)
+        .expect("a start with another lease");
+    assert_eq!(ended(&loader), [""; 0]);
+    drop(cell);
+    assert_eq!(ended(&loader), ["/leases/2"]);
+}
+
+#[test]
+fn a_lease_of_which_a_renewal_says_that_it_has_expired_is_not_ended() {
+    let (loader, url) = loader();
+    let cell = Cell::remote(&url, None).expect("a loader");
+    let cell = cell.with_lost_after(Duration::from_millis(100));
+    let command = cell.load("net: a").expect("it is ready");
+    command.start_with(OnClientLoss::Cancel).expect("a start");
+    told(&loader).expired.push(1);
+    let is_lost = || {
+        let held = cell.lease.lock().unwrap_or_else(PoisonError::into_inner);
+        held.as_ref().is_some_and(Lease::is_lost)
+    };
+    let begun = Instant::now();
+    while !is_lost() {
+        assert!(
+            begun.elapsed() < Duration::from_secs(60),
+            "{:?}",
+            told(&loader).asked
+        );
+        std::thread::yield_now();
+    }
+    drop(cell);
+    assert_eq!(ended(&loader), [""; 0]);
+}
