@@ -16,11 +16,23 @@ def net(name: str, seconds: float) -> rcc.Net:
     return built
 
 
+#: Upper ends of the histogram's classes, ms; the last one has all above.
+CLASSES_MS = (1, 2, 5, 10, 15, 20, 30, 50, 100, 200)
+
+
 def shown(what: str, cycles: list[int], period_ms: float) -> None:
-    """Prints a distribution."""
+    """Prints a distribution: percentiles, then a histogram of the classes that are not empty."""
     times = [cycle * period_ms for cycle in sorted(cycles)]
-    p50, p99 = (times[int(part * (len(times) - 1))] for part in (0.5, 0.99))
-    print(f"{what:<32} {len(times):5} times  p50 {p50:6.1f} ms  p99 {p99:6.1f} ms  max {times[-1]:6.1f} ms")
+    parts = {f"p{part}": times[int(part / 100 * (len(times) - 1))] for part in (10, 50, 90, 99)}
+    told = "  ".join(f"{name} {time:6.1f} ms" for name, time in parts.items())
+    print(f"{what:<32} {len(times):5} times  min {times[0]:6.1f} ms  {told}  max {times[-1]:6.1f} ms")
+    begin = -1.0
+    for end in (*CLASSES_MS, float("inf")):
+        count = sum(begin < time <= end for time in times)
+        if count:
+            named = f"to {end} ms" if end < float("inf") else f"above {begin} ms"
+            print(f"  {named:>13} {count:6}  {'#' * -(-50 * count // len(times))}")
+        begin = end
 
 
 def main() -> None:

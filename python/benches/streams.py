@@ -1,4 +1,4 @@
-"""Measures streams into arrays of numpy: monitored values and set-points at 100 Hz and 1 kHz, and what was lost.
+"""Measures streams into arrays of numpy at 100 Hz and 1 kHz: monitored values, samples, set-points, and what was lost.
 
 `python benches/streams.py [--seconds S]` against the cell in RCC_CELL. Its nets command nothing.
 """
@@ -45,6 +45,30 @@ def monitored(cell: rcc.Cell, rate: int, seconds: float) -> None:
     print(f"monitored at {rate:4} Hz   {len(got):6} of {expected:6.0f} values  gaps {gaps}  lost {values.lost}")
 
 
+def sampled(cell: rcc.Cell, rate: int, seconds: float) -> None:
+    """Samples of a port without a monitor, and the time between two of them as they arrive."""
+    command = cell.start(counting(rate))
+    values, arrived, lost, net_cycles = [], [], 0, []
+    begin = time.monotonic()
+    for sample in command.watch("time.out", rate=rate):
+        values.append(sample["time.out"])
+        arrived.append(time.monotonic())
+        net_cycles.append(sample.cycle)
+        lost += sample.lost
+        if arrived[-1] - begin > seconds:
+            break
+    command.cancel()
+    command.wait(60)
+    command.unload()
+    period = cell.status()["executor"]["period_ns"] / 1e9
+    expected = round((net_cycles[-1] - net_cycles[0]) * period * rate) + 1
+    between = numpy.percentile(numpy.diff(arrived) * 1000, (1, 50, 99, 100))
+    told = "  ".join(f"{name} {ms:.1f}" for name, ms in zip(("p1", "p50", "p99", "max"), between, strict=True))
+    array = numpy.array(values)
+    gaps = int((numpy.diff(array) > 1.5 / rate).sum())
+    print(f"sampled at {rate:6} Hz   {len(array):6} of {expected:6} values  gaps {gaps}  lost {lost}  apart: {told} ms")
+
+
 def sent(cell: rcc.Cell, rate: int, seconds: float) -> None:
     """Set-points from Python."""
 
@@ -75,6 +99,8 @@ def main() -> None:
     with rcc.connect() as cell:
         for rate in RATES:
             monitored(cell, rate, seconds)
+        for rate in RATES:
+            sampled(cell, rate, seconds)
         for rate in RATES:
             sent(cell, rate, seconds)
 

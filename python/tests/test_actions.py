@@ -231,6 +231,7 @@ def test_an_output_that_would_not_stay_on_is_refused(cell):
     with pytest.raises(rcc.RccError, match=r"io\.lamp would not stay on.*`safe: 0`"):
         cell.run(io.lamp.on())
     assert cell.run(io.lamp.off())
+    assert cell.run(io.lamp.pulse()).cycles > 100
     assert cell.run(io.clamp.off())
 
 

@@ -125,6 +125,33 @@ def test_watch_and_set_points(cell):
     command.wait(60)
 
 
+def test_a_channel_sends_from_the_programs_own_loop(cell):
+    command = cell.start(waiting("steered"))
+    with command.channel() as channel:
+        for step in range(1, 101):
+            channel.set({"level": step / 1000})
+            time.sleep(0.001)
+    end = channel.end
+    assert end["lines"] + channel.superseded == 100 and end["set"] > 0 and end["refused"] == 0
+    assert command.values("level.value")["level.value"] == 0.1, "the last one is not lost"
+    with pytest.raises(rcc.RccError, match="closed"):
+        channel.set({"level": 1})
+    with pytest.raises(rcc.RccError, match="nonsense"), command.channel() as channel:
+        channel.set({"nonsense": 1})
+    with pytest.raises(ZeroDivisionError), command.channel() as channel:
+        channel.set({"level": 1 / 0})
+    assert cell.set("steered", {"level": 2}) > 0
+    assert command.wait(60)
+
+
+def test_a_channel_of_a_net_that_ends_says_so(cell):
+    command = cell.start(waiting("ending"))
+    with pytest.raises(rcc.RccError, match="RCC3003"), command.channel() as channel:
+        channel.set({"level": 2})
+        assert command.wait(60)
+        channel.set({"level": 3})
+
+
 def test_a_hand_over(cell):
     first, second = cell.load(waiting("first")), cell.load(waiting("second"))
     first.start()
@@ -146,6 +173,9 @@ def test_the_same_without_blocking(cell_name, cell):
                 break
             end = await both[0].set_points({"level": value} for value in (0.5, 2))
             assert end["lines"] == 2
+            async with both[1].channel() as channel:
+                channel.set({"level": 0.25})
+            assert channel.end["set"] == 1 and (await both[1].values())["level.value"] == 0.25
             await both[1].set({"level": 2})
             return await asyncio.gather(*(command.wait(60) for command in both))
 

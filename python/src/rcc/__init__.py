@@ -12,13 +12,14 @@ from .errors import ActionFailed, Busy, CellNotFound, NetCanceled, NetFault, Net
 from .expressions import Expr, analog_input, digital_input
 from .motions import Arm, Motion, sequence
 from .outputs import Device, Gripper, Output
+from .set_points import Channel
 from .streams import Batch, Recording, Sample
 from .tools import Net, Simulation
 from .units import Hz, K, N, Quantity, deg, kg, m, mm, ms, rad, s
 
 __all__ = [
     "Action", "ActionFailed", "Arm", "AsyncCell", "AsyncCommand", "Batch", "Block", "Busy", "Cell", "CellNotFound",
-    "Command", "Device", "Expr", "Gripper", "Hz", "K", "Motion", "N", "Net", "NetCanceled", "NetFault",
+    "Channel", "Command", "Device", "Expr", "Gripper", "Hz", "K", "Motion", "N", "Net", "NetCanceled", "NetFault",
     "NetRejected", "Outcome", "Output", "Port", "Quantity", "RccError", "Recording", "Sample", "Simulation",
     "UNSET", "aconnect", "analog_input", "connect", "deg", "digital_input", "kg", "m", "mm", "ms", "parallel",
     "rad", "s", "sequence",

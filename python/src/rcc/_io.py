@@ -35,6 +35,9 @@ class Background(Protocol):
     async def stop(self) -> None:
         """Ends it; raises the error that it ended with."""
 
+    async def finish(self) -> None:
+        """Waits for its own end; raises the error that it ended with."""
+
 
 class Io(Protocol):
     """What the client needs from a transport."""
@@ -211,6 +214,10 @@ class _Thread:
     async def stop(self) -> None:
         """Ends it; raises the error that it ended with."""
         self._io.cut()
+        await self.finish()
+
+    async def finish(self) -> None:
+        """Waits for its own end; raises the error that it ended with."""
         self._thread.join()
         if self._error is not None:
             raise self._error
@@ -296,6 +303,10 @@ class _Task:
         self._task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await self._task
+
+    async def finish(self) -> None:
+        """Waits for its own end; raises the error that it ended with."""
+        await self._task
 
 
 async def _slowly(parts: Iterable[bytes]) -> AsyncIterator[bytes]:

@@ -7,9 +7,10 @@ from contextlib import AbstractAsyncContextManager, contextmanager
 from pathlib import Path
 
 from ._generated import api
-from ._io import iterate, run
+from ._io import T, iterate, run
 from .blocks import Value
 from .commands import AsyncCell, AsyncCommand, OnClientLoss, Outcome, Text
+from .set_points import Channel
 from .streams import Batch, Recording, Sample
 
 
@@ -60,6 +61,10 @@ class Cell:
     def command(self, name: str | int) -> Command:
         """A loaded command, by id or by the name of its net (then the newest)."""
         return Command(run(self._inner.command(name)))
+
+    def set(self, net: str | int, values: Mapping[str, Value]) -> int:
+        """Sets inputs of a command, by id or by the name of its net (then the newest); as `Command.set`."""
+        return run(self._inner.set(net, values))
 
     def run(self, net: Text, timeout: float | None = None, *, on_client_loss: OnClientLoss = "cancel") -> Outcome:
         """Loads, starts and follows a net, and unloads it; Ctrl-C cancels it.
@@ -112,11 +117,11 @@ class Cell:
         yield from _entered(self._inner.record(file, *ports, rate=rate))
 
 
-def _entered(inner: AbstractAsyncContextManager[Recording]) -> Iterator[Recording]:
+def _entered(inner: AbstractAsyncContextManager[T]) -> Iterator[T]:
     """The same as a generator of a blocking context manager."""
-    recording = run(inner.__aenter__())
+    entered = run(inner.__aenter__())
     try:
-        yield recording
+        yield entered
     except BaseException as error:
         if not run(inner.__aexit__(type(error), error, error.__traceback__)):
             raise
@@ -162,6 +167,15 @@ class Command:
     def set_points(self, values: Iterable[Mapping[str, Value]]) -> api.ChannelEnd:
         """Sends sets of values over one connection as the iterator gives them; the latest wins."""
         return run(self._inner.set_points(values))
+
+    @contextmanager
+    def channel(self) -> Iterator[Channel]:
+        """A set-point channel for the block: `with command.channel() as channel:`, then `channel.set({…})`.
+
+        For a loop of the program's own, at up to the rate of the cell; `set` does not wait for the cell. When the block
+        ends, `channel.end` tells what became of all lines, and the first error is raised.
+        """
+        yield from _entered(self._inner.channel())
 
     def values(self, *ports: str) -> Sample:
         """Values of ports (all without arguments) as of the last evaluation."""

@@ -15,6 +15,7 @@ from ._generated import api
 from ._lease import UNKNOWN, Lease
 from ._mcap import Clock
 from .blocks import Action, Net, Value, constant
+from .set_points import Channel
 from .streams import Batch, Recording, Sample
 
 Text = Union[Net, Action, str, Mapping[str, Any]]
@@ -146,6 +147,14 @@ class AsyncCell:
         """A loaded command, by id or by the name of its net (then the newest)."""
         view = await self._ask("GET", f"/commands/{_io.segment(name)}", params={"brief": "true"})
         return AsyncCommand(self, view["id"])
+
+    async def set(self, net: str | int, values: Mapping[str, Value]) -> int:
+        """Sets inputs of a command, by id or by the name of its net (then the newest); as `AsyncCommand.set`."""
+        return await self._set(net, values)
+
+    async def _set(self, command: str | int, values: Mapping[str, Value]) -> int:
+        body = {name: constant(value) for name, value in values.items()}
+        return int((await self._ask("PUT", f"/commands/{_io.segment(command)}/inputs", json=body))["cycle"])
 
     async def run(
         self, net: Text, timeout: float | None = None, *, on_client_loss: OnClientLoss = "cancel"
@@ -402,8 +411,32 @@ class AsyncCommand:
 
     async def set(self, values: Mapping[str, Value]) -> int:
         """Sets inputs, all in the same cycle, which is returned; `None` unsets."""
-        body = {name: constant(value) for name, value in values.items()}
-        return int((await self._do("PUT", "/inputs", json=body))["cycle"])
+        return await self._cell._set(self.id, values)
+
+    @asynccontextmanager
+    async def channel(self) -> AsyncIterator[Channel]:
+        """A set-point channel for the block: `async with command.channel() as channel:`, then `channel.set({…})`.
+
+        For a loop of the program's own, at up to the rate of the cell; `set` does not wait for the cell. When the block
+        ends, `channel.end` tells what became of all lines, and the first error is raised.
+        """
+        channel = Channel()
+
+        async def send(io: _io.Io, opened: Callable[[], None]) -> None:
+            opened()
+            try:
+                command = AsyncCommand(AsyncCell(self._cell._address, io), self.id)
+                channel.end = await command.set_points(channel.lines())
+            except BaseException as error:
+                channel.fail(error)
+                raise
+
+        background = await self._cell._io.background(self._cell._address, send)
+        try:
+            yield channel
+        finally:
+            channel.close()
+            await background.finish()
 
     async def set_points(self, values: Iterable[Mapping[str, Value]]) -> api.ChannelEnd:
         """Sends sets of values over one connection as the iterator gives them; the latest wins.

@@ -12,6 +12,8 @@ from .units import Number, quantity, s
 
 #: How long `on` and `off` last: longer than any device takes until it has the value.
 SETTLE = 0.1 * s
+#: How long a pulse lasts that names no time.
+PULSE = 0.1 * s
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,8 @@ class Output:
         """False."""
         return Switch(self, False)
 
-    def pulse(self, time: Number) -> Pulse:
-        """True for a time, s."""
+    def pulse(self, time: Number = PULSE) -> Pulse:
+        """True for a time, s; 0.1 s by default."""
         return Pulse(self, time)
 
 
