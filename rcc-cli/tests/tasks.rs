@@ -37,9 +37,13 @@ fn text(exit: i32, arguments: &[&str]) -> String {
     text
 }
 
-/// Simulates the task; returns what happened, as `what: words`, and the times.
+/// Simulates the pick-and-place task; returns what happened, as `what: words`, and the times.
 fn simulate(exit: i32, further: &[&str]) -> (Vec<String>, Vec<f64>) {
-    let (task, cell) = (path("tasks/pick-and-place.yaml"), path("cells/pick.yaml"));
+    simulate_task("tasks/pick-and-place.yaml", exit, further)
+}
+
+fn simulate_task(task: &str, exit: i32, further: &[&str]) -> (Vec<String>, Vec<f64>) {
+    let (task, cell) = (path(task), path("cells/pick.yaml"));
     let arguments = [
         &["--output", "json", "simulate", &task, "--config", &cell][..],
         further,
@@ -116,6 +120,28 @@ fn without_a_part_or_a_table_the_arm_returns() {
         said.contains(&"home: finished: there".to_owned()),
         "{said:#?}"
     );
+}
+
+#[test]
+fn a_flange_motion_begins_where_contact_stops_a_line_in_flight_and_a_line_where_it_ends() {
+    let (said, times) = simulate_task("tasks/probe.yaml", 0, &[]);
+    let order = ["feel: running", "retreat: running", "aside: running"];
+    assert!(order.map(|what| place(&said, what)).is_sorted());
+    let fired = place(&said, "rule `back off on contact`: fired");
+    let begun = place(&said, "retreat: running");
+    assert_eq!(times[fired], times[begun]);
+    for ended in [
+        "feel: aborted",
+        "retreat: finished: there",
+        "aside: finished: there",
+    ] {
+        place(&said, ended);
+    }
+    // Without a table there is no contact, and the rules can never fire any more.
+    let (said, _) = simulate_task("tasks/probe.yaml", 0, &["--wall", "0,0,0.1,0,0,1"]);
+    place(&said, "feel: finished: missed");
+    let expired = said.iter().filter(|line| line.contains("expired"));
+    assert_eq!(expired.count(), 2, "{said:#?}");
 }
 
 #[test]

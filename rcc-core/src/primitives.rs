@@ -17,6 +17,7 @@ mod motion;
 mod nets;
 mod selection;
 mod space;
+mod start;
 mod timing;
 
 /// A subject: a folder of primitives, and a chapter of the manual.

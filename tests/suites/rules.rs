@@ -41,6 +41,46 @@ discard: [near.out]
     )
 }
 
+/// Goes 0.1 m down along a line; `far` is true after 30 mm.
+const LINE: &str = "net: line
+primitives:
+  cancel: {type: Cancel}
+  move:
+    type: LinearMotion
+    parameters: {device: lwr, to: {xyz: [0.538, 0, 0.284], rpy: [0, deg(180), 0]}, velocity: 50 mm/s}
+    inputs: {stop: cancel.requested}
+  far: {type: Formula, parameters: {expr: move.distance > 30 mm}}
+  z: {type: Formula, parameters: {expr: move.pose.z}}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: move.joints}}
+  end: {type: Termination, inputs: {done: {there: move.done}}}
+discard: [far.out, z.out]
+";
+
+/// Goes 40 mm up from wherever and however the flange moves; `range` has the lowest height.
+const RETREAT: &str = "net: retreat
+primitives:
+  cancel: {type: Cancel}
+  here: {type: StartPose, parameters: {device: lwr, start: continue}}
+  above: {type: Compose, inputs: {a: {xyz: [0, 0, 40 mm], rpy: [0, 0, 0]}, b: here.pose}}
+  move:
+    type: PoseGoal
+    parameters: {device: lwr, velocity: 0.1 m/s, acceleration: 0.5 m/s^2, jerk: 5 m/s^3, start: continue}
+    inputs: {goal: above.out, stop: cancel.requested}
+  begins: {type: Formula, parameters: {expr: here.pose.z}}
+  z: {type: Formula, parameters: {expr: move.pose.z}}
+  range: {type: PeakHold, inputs: {in: z.out}}
+  ik: {type: InverseKinematics, parameters: {device: lwr, start: continue}, inputs: {pose: move.pose}}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: ik.joints}}
+  end: {type: Termination, inputs: {done: {there: move.done}}}
+discard: [begins.out]
+";
+
+fn number(cell: &TestCell, id: u64, port: &str) -> f64 {
+    let reply = cell.rest("GET", &format!("/commands/{id}/values?ports={port}"), "");
+    let value = reply.body["values"][0]["value"].as_f64();
+    value.unwrap_or_else(|| panic!("{port}: {reply:?}"))
+}
+
 fn install(cell: &TestCell, body: &Value) -> Value {
     let reply = cell.rest("POST", "/rules", &body.to_string());
     assert_eq!(reply.status, 200, "{reply:?}\n{}", cell.logs());
@@ -97,6 +137,29 @@ fn a_chain_of_rules_hands_the_arm_over_in_flight_without_a_cycle_in_between() {
     assert!(out.contains("back") && out.contains("fired"), "{out}");
     let (events, _) = cell.cli_exits(0, &["events"]);
     assert!(events.contains("rule 1 fired"), "{events}");
+    cell.stop();
+}
+
+#[test]
+fn a_motion_of_the_flange_begins_where_a_rule_stops_a_line_in_flight() {
+    let cell = TestCell::demo();
+    let [line, retreat] = [LINE, RETREAT].map(|net| cell.load(net));
+    let rule = json!({
+        "when": "line.far.out", "stop": "line", "start": "retreat", "on_client_loss": "go on",
+    });
+    install(&cell, &json!({"rules": [rule]}));
+    cell.done(line, "start");
+    cell.assert_ends(retreat, "finished");
+    let (left, began) = (cell.state(line), cell.state(retreat));
+    let last = left["ended_cycle"].as_u64().map(|cycle| cycle + 1);
+    assert_eq!(last, began["started_cycle"].as_u64(), "{left} {began}");
+    // It begins at the last set-point of the line, goes on downwards while it brakes, and ends where it wants to.
+    let end = number(&cell, line, "z.out");
+    let [begin, lowest, top] =
+        ["begins.out", "range.least", "z.out"].map(|port| number(&cell, retreat, port));
+    assert!((begin - end).abs() < 1e-9, "{begin} {end}");
+    assert!(begin - lowest > 1e-4 && begin - lowest < 0.01, "{lowest}");
+    assert!((top - begin - 0.04).abs() < 1e-9, "{top}");
     cell.stop();
 }
 

@@ -300,8 +300,8 @@ fn an_unreachable_pose_and_null_inputs_make_no_heap_operation() {
     let pose = plan.reals(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0]);
     let joints = plan.reals(&[f64::NAN; 7]);
     let state = plan.reals(&[f64::NAN; 10]);
-    plan.data.ints.extend([NULL_INT; 2]);
-    plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, state, 7]);
+    plan.data.ints.extend([NULL_INT, NULL_INT, 0]);
+    plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, 2, state, 7]);
     plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("DigitalOutput", &[nothing, 0, 0]);
     plan.add("Termination", &[no]);

@@ -31,7 +31,8 @@ pub use graph::{
 
 /// Remedy for `start: continue` of a motion along a path.
 const PATH_BEGINS_AT_REST: &str = "a motion along a path begins at rest, at the place from which it was planned: take a moving arm over \
-     with `{type: JointGoal, parameters: {start: continue, …}}`, and start the path when it rests";
+     with `start: continue` of `PoseGoal` or `JointGoal`, and start the path when it rests at their goal, with that \
+     place as `from`";
 
 /// Resolves all names of a net.
 pub fn resolve<'a>(

@@ -1994,7 +1994,7 @@ class SquareRoot(Block):
 
 
 class StartPose(Block):
-    """The pose of an arm's flange when the command starts: that of its hold set-point, the same in every cycle."""
+    """The pose of an arm's flange when the command starts: that of its hold set-point, or where `start: continue` begins; the same in every cycle."""
 
     @property
     def pose(self) -> Port:
@@ -3477,16 +3477,18 @@ class Primitives(Base):
         self,
         *,
         device: Value,
+        start: Value = UNSET,
         pose: Source,
         name: str | None = None,
     ) -> InverseKinematics:
         """Joint positions for a flange pose, in the branch (and with the arm angle) of the start.
 
         device: device with an arm: name of an arm in the cell's configuration
+        start: hold, continue: hold: branch and arm angle are those in which the arm is held at LOAD or START; continue: those of the last set-point of the net from which a hand-over or a rule takes the arm, and otherwise those in which the arm is held then; default hold
         pose: Pose: flange in the arm's base
         name: name in the net; default `inversekinematics` with a number
         """
-        return self._add(InverseKinematics, name, {'device': device}, {'pose': pose})
+        return self._add(InverseKinematics, name, {'device': device, 'start': start}, {'pose': pose})
 
     def InverseKinematicsNear(
         self,
@@ -4495,6 +4497,7 @@ class Primitives(Base):
         angular_velocity: Value = UNSET,
         angular_acceleration: Value = UNSET,
         angular_jerk: Value = UNSET,
+        start: Value = UNSET,
         goal: Source,
         speed: Source = UNSET,
         stop: Source = UNSET,
@@ -4509,12 +4512,13 @@ class Primitives(Base):
         angular_velocity: Real [rad/s]: largest rate of the rotation vector; default 1
         angular_acceleration: Real [rad/s^2]: largest second derivative of the rotation vector; default 4
         angular_jerk: Real [rad/s^3]: largest third derivative of the rotation vector; default 40
+        start: hold, continue: hold: begins at rest where the arm is held at LOAD or START; continue: begins from pose, velocity and acceleration of the flange that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held; default hold
         goal: Pose: goal of the flange, in the arm's base
         speed: Real [1]: fraction of the velocity limits to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop); default 1
         stop: Bool: while true, it brakes to rest and stays there; afterwards it continues; default false
         name: name in the net; default `posegoal` with a number
         """
-        return self._add(PoseGoal, name, {'device': device, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk}, {'goal': goal, 'speed': speed, 'stop': stop})
+        return self._add(PoseGoal, name, {'device': device, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'start': start}, {'goal': goal, 'speed': speed, 'stop': stop})
 
     def Power(
         self,
@@ -5133,14 +5137,16 @@ class Primitives(Base):
         self,
         *,
         device: Value,
+        start: Value = UNSET,
         name: str | None = None,
     ) -> StartPose:
-        """The pose of an arm's flange when the command starts: that of its hold set-point, the same in every cycle.
+        """The pose of an arm's flange when the command starts: that of its hold set-point, or where `start: continue` begins; the same in every cycle.
 
         device: device with an arm: name of an arm in the cell's configuration
+        start: hold, continue: hold: where the arm is held at LOAD or START; continue: the last set-point of the net from which a hand-over or a rule takes the arm, and otherwise where the arm is held then; default hold
         name: name in the net; default `startpose` with a number
         """
-        return self._add(StartPose, name, {'device': device}, {})
+        return self._add(StartPose, name, {'device': device, 'start': start}, {})
 
     def StateMachine(
         self,

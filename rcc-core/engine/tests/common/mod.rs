@@ -517,7 +517,8 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
         "LinearMotion",
         &[&inputs[..], &outputs, &parameters, &[0, 7]].concat(),
     );
-    plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, ik, 7]);
+    // Begins where the arm is held: the first keyword.
+    plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, 3, ik, 7]);
     plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("Termination", &[done]);
     plan.monitor(Store::Real, distance, 1, 1);

@@ -2,22 +2,24 @@
 
 use rcc_core::axis::AXIS_WORDS;
 use rcc_core::message::JOINTS_MAX;
+use rcc_core::pose::Pose;
 use rcc_testing::{Random, Rng};
 
+use super::common::model;
 use super::*;
 
-const HOLDS: i64 = 0;
-const CONTINUES: i64 = 1;
+pub(super) const HOLDS: i64 = 0;
+pub(super) const CONTINUES: i64 = 1;
 
 /// Slots that tests look at.
-struct GoalNet {
-    plan: PlanData,
-    over: u32,
+pub(super) struct GoalNet {
+    pub(super) plan: PlanData,
+    pub(super) over: u32,
 }
 
 /// A net of `JointGoal` that moves all joints by `by` rad from where the arm is held in these tests; its Bool slot
 /// `over` is true after `cycles`.
-fn goal_net(by: f64, cycles: u32, start: i64) -> GoalNet {
+pub(super) fn goal_net(by: f64, cycles: u32, start: i64) -> GoalNet {
     let mut plan = TestPlan::new();
     let (requested, stop) = (plan.bool(2), plan.bool(0));
     let [done, accepted, over] = [(); 3].map(|()| plan.bool(2));
@@ -41,6 +43,43 @@ fn goal_net(by: f64, cycles: u32, start: i64) -> GoalNet {
         &[&[goal, one, stop][..], &outputs, &parameters, &[state, 7]].concat(),
     );
     plan.add("JointPositionCommand", &[position, 0, 7]);
+    plan.add("Termination", &[requested]);
+    GoalNet {
+        plan: plan.data,
+        over,
+    }
+}
+
+/// A net of `PoseGoal` that moves the flange by `by` (m, axes of the flange) from where the arm is held in these tests; its
+/// Bool slot `over` is true after `cycles`.
+pub(super) fn flange_net(by: [f64; 3], cycles: u32, start: i64) -> GoalNet {
+    let mut plan = TestPlan::new();
+    let (requested, stop) = (plan.bool(2), plan.bool(0));
+    let [done, over] = [(); 2].map(|()| plan.bool(2));
+    let held = model().arm.expect("an arm").forward(&HOLD);
+    let goal = held.compose(&Pose::from_xyz_rpy(by, [0.0; 3]));
+    let goal = plan.reals(&goal.to_slots());
+    let [speed, pose, joints] =
+        [&[f64::NAN; 1][..], &[f64::NAN; 7], &[f64::NAN; 7]].map(|values| plan.reals(values));
+    let one = plan.reals(&[1.0]);
+    let limits = [0.3, 2.0, 20.0, 1.0, 4.0, 40.0].map(|limit| plan.reals(&[limit]));
+    let states = [6 * AXIS_WORDS + 16, 10].map(|count| plan.reals(&vec![f64::NAN; count]));
+    let time = plan.reals(&[f64::NAN]);
+    let end = plan.reals(&[f64::from(cycles) * 1e-3]);
+    let first = plan.data.ints.len() as u32;
+    plan.data.ints.extend([0, 0, start]);
+    let [reason, joint, start] = [first, first + 1, first + 2];
+    plan.add("Cancel", &[requested]);
+    plan.add("Time", &[time]);
+    plan.add("Greater", &[time, end, over]);
+    let ports = [goal, one, stop, pose, done, speed, 0];
+    plan.add(
+        "PoseGoal",
+        &[&ports[..], &limits, &[start, states[0]]].concat(),
+    );
+    let operands = [pose, joints, reason, joint, 0, start, states[1], 7];
+    plan.add("InverseKinematics", &operands);
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("Termination", &[requested]);
     GoalNet {
         plan: plan.data,
@@ -80,11 +119,30 @@ impl Watched {
     }
 }
 
-#[test]
-fn a_thousand_hand_overs_in_flight_stay_within_the_limits() {
+/// Goals of hand-overs around the place where the arm is held: by joints, or by the flange with the same arm angle.
+#[derive(Clone, Copy, PartialEq)]
+enum Goals {
+    Joints,
+    Flange,
+}
+
+impl Goals {
+    fn net(self, random: &mut Rng, cycles: u32, start: i64) -> GoalNet {
+        match self {
+            Goals::Joints => goal_net(random.uniform(-0.4, 0.4), cycles, start),
+            Goals::Flange => {
+                let by = std::array::from_fn(|_| random.uniform(-0.1, 0.1));
+                flange_net(by, cycles, start)
+            }
+        }
+    }
+}
+
+/// Hands the arm over `times` times in flight; returns the steepest acceleration of a joint.
+fn hand_over(goals: Goals, times: usize) -> f64 {
     let mut random = Rng::with_seed(21);
     let mut fixture = EngineFixture::new();
-    let first = goal_net(0.2, 30, HOLDS);
+    let first = goals.net(&mut random, 30, HOLDS);
     let mut over = first.over;
     let mut old = fixture.load(first.plan);
     cycle_of(fixture.start(old));
@@ -95,10 +153,9 @@ fn a_thousand_hand_overs_in_flight_stay_within_the_limits() {
         steepest: 0.0,
     };
     watched.see(&fixture);
-    for number in 0..1000 {
-        let by = random.uniform(-0.4, 0.4);
+    for number in 0..times {
         let cycles = random.uniform(3.0, 60.0) as u32;
-        let next = goal_net(by, cycles, CONTINUES);
+        let next = goals.net(&mut random, cycles, CONTINUES);
         // Loading takes two cycles in which the old net moves on.
         let net = fixture.build(next.plan).expect("a net");
         let ticket = 0;
@@ -137,7 +194,19 @@ fn a_thousand_hand_overs_in_flight_stay_within_the_limits() {
         while fixture.ends.replies.pop().is_ok() {}
         (old, over) = (id, next.over);
     }
-    assert!(watched.steepest > 1.0, "it never really moved");
+    watched.steepest
+}
+
+#[test]
+fn a_thousand_hand_overs_in_flight_stay_within_the_limits() {
+    let steepest = hand_over(Goals::Joints, 1000);
+    assert!(steepest > 1.0, "it never really moved");
+}
+
+#[test]
+fn a_thousand_hand_overs_of_a_flange_in_flight_stay_within_the_limits() {
+    let steepest = hand_over(Goals::Flange, 1000);
+    assert!(steepest > 1.0, "it never really moved");
 }
 
 #[test]

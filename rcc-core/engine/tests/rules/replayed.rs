@@ -9,6 +9,7 @@ use rcc_core::types::Store;
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig, FlightRecorderHelper};
 use rcc_engine::replay::{ReplaySource, RuleReplayResult, replay_with_rules};
 
+use super::continued::{CONTINUES, GoalNet, HOLDS, flange_net, goal_net};
 use super::*;
 
 struct Recorded {
@@ -184,4 +185,29 @@ fn a_ring_that_was_overwritten_is_compared_from_where_everything_is_known() {
     assert_eq!((rules.held, rules.reproduced), (1, 1), "{rules:?}");
     assert!(rules.compared < rules.recorded, "{rules:?}");
     assert!(rules.compared > rules.recorded / 2, "{rules:?}");
+}
+
+#[test]
+fn motions_that_begin_in_flight_are_replayed_from_what_they_took_over() {
+    let by_joints = |by: f64, start: i64| goal_net(by, 100, start);
+    let by_flange = |by: f64, start: i64| flange_net([by, -by, 0.0], 100, start);
+    let nets: [&dyn Fn(f64, i64) -> GoalNet; 2] = [&by_joints, &by_flange];
+    for net in nets {
+        let mut recorded = Recorded::new(16 << 20);
+        let first = net(0.05, HOLDS);
+        let old = recorded.load(first.plan);
+        let new = recorded.load(net(-0.05, CONTINUES).plan);
+        let value = RuleTerm::Value {
+            command: old,
+            slot: first.over,
+        };
+        let rules = [rule(&[value], &[old], &[], &[new])];
+        install(&mut recorded.fixture, &rules);
+        cycle_of(recorded.fixture.start(old));
+        recorded.fixture.steps(300);
+        assert_eq!(recorded.fixture.state(new), CommandState::Running);
+        let words = recorded.words();
+        let rules = recorded.replay(&words);
+        assert_eq!((rules.held, rules.reproduced), (1, 1), "{rules:?}");
+    }
 }

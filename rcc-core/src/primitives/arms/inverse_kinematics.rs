@@ -1,7 +1,7 @@
 //! `InverseKinematics`: joint positions of an arm for a flange pose, continuous with the start position.
 //!
 //! The branch and, for seven joints, the arm angle are those of the arm's hold set-point when the command becomes
-//! ready. They stay constant, so that the same pose always gives the same joints. Where an angle is undetermined (two
+//! ready, or with `start: continue` of the set-point from which its net takes the arm over. They stay constant, so that the same pose always gives the same joints. Where an angle is undetermined (two
 //! aligned axes), the last solution decides; each joint takes the turn nearest to the last solution and therefore never
 //! jumps by a full turn.
 
@@ -13,6 +13,7 @@ use crate::primitive::{
     CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Prepare, Real, Slot, Spec,
     StateSpec, Step, UnitRule, operands,
 };
+use crate::primitives::start;
 use crate::types::{NULL_INT, Type};
 use crate::unit::Unit;
 
@@ -43,7 +44,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 .within(0.0, JOINTS_MAX as f64)
                 .diagnostic(),
         ],
-        parameters: &[Parameter::arm()],
+        parameters: &[
+            Parameter::arm(),
+            start::parameter(
+                "hold: branch and arm angle are those in which the arm is held at LOAD or START; continue: those of the last set-point of \
+                 the net from which a hand-over or a rule takes the arm, and otherwise those in which the arm is held then",
+            ),
+        ],
         // arm angle, branch index, hint joints
         state: StateSpec {
             reals: 2 + JOINTS_MAX as u32,
@@ -69,6 +76,7 @@ impl Prepare for InverseKinematics {
 operands! {
     struct InverseKinematics {
         pose: Slot<Pose>, joints: Slot<Real>, reason: Slot<Int>, joint: Slot<Int>, device: Device,
+        start: Slot<Int>,
         /// Arm angle and branch index; the hint joints follow.
         state: Slot<[Real; 2]>, width: u32,
     }
@@ -78,10 +86,23 @@ impl InverseKinematics {
     fn hint(self) -> Slot<[Real; JOINTS_MAX]> {
         (self.state + 2).cast()
     }
+
+    /// In the first cycle with `start: continue`, takes branch and arm angle of the motion that the arm is in.
+    fn take_over(self, frame: &mut Frame<'_>) -> Option<()> {
+        let taken = start::taken_over(frame, self.device, self.start)?;
+        let Some((arm, motion)) = frame.arm(self.device).zip(taken) else {
+            return Some(());
+        };
+        let start = arm.configuration(&motion.position);
+        let branch = f64::from(start.branch.index());
+        frame.put(self.state, [start.arm_angle, branch])?;
+        frame.put(self.hint(), motion.position)
+    }
 }
 
 impl Step for InverseKinematics {
     fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        self.take_over(frame)?;
         let [angle, branch] = frame.get(self.state)?;
         let hint: Joints = frame.get(self.hint())?;
         let pose = frame.get(self.pose)?;

@@ -1,24 +1,31 @@
-//! `StartPose`: the pose in which an arm's flange was held when the command was prepared, constant while the command
-//! runs.
+//! `StartPose`: the pose in which an arm's flange was held when the command was prepared, or at which its net takes the arm
+//! over; constant while the command runs.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, Device, Kernel, Parameter, Port, Prepare, Real, Slot, Spec, StateSpec, Step,
-    operands,
+    CatalogueEntry, Device, Int, Kernel, Parameter, Port, Prepare, Real, Slot, Spec, StateSpec,
+    Step, operands,
 };
+use crate::primitives::start;
 use crate::types::Type;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "StartPose",
-        summary: "The pose of an arm's flange when the command starts: that of its hold set-point, the same in every cycle.",
+        summary: "The pose of an arm's flange when the command starts: that of its hold set-point, or where `start: continue` begins; the same in every cycle.",
         outputs: &[
             Port::typed("pose", Type::Pose, "flange in the arm's base").diagnostic(),
             Port::typed("world", Type::Pose, "flange in the world frame of the cell").diagnostic(),
         ],
-        parameters: &[Parameter::arm()],
+        parameters: &[
+            Parameter::arm(),
+            start::parameter(
+                "hold: where the arm is held at LOAD or START; continue: the last set-point of the net from which a hand-over or a rule \
+                 takes the arm, and otherwise where the arm is held then",
+            ),
+        ],
         // both poses
         state: StateSpec {
             reals: 14,
@@ -44,11 +51,30 @@ impl Prepare for StartPose {
 }
 
 operands! {
-    struct StartPose { pose: Slot<Pose>, world: Slot<Pose>, device: Device, state: Slot<[Real; 7]> }
+    struct StartPose { pose: Slot<Pose>, world: Slot<Pose>, device: Device, start: Slot<Int>, state: Slot<[Real; 7]> }
+}
+
+impl StartPose {
+    /// In the first cycle with `start: continue`, takes the pose of the motion that the arm is in.
+    fn take_over(self, frame: &mut Frame<'_>) -> Option<()> {
+        let taken = start::taken_over(frame, self.device, self.start)?;
+        let model = frame.models.get(self.device.0 as usize);
+        let Some((model, motion)) = model.zip(taken) else {
+            return Some(());
+        };
+        let Some(arm) = &model.arm else {
+            return Some(());
+        };
+        let pose = arm.forward(&motion.position);
+        let world = model.base.compose(&pose);
+        frame.put(self.state, pose.to_slots())?;
+        frame.put(self.state + 7, world.to_slots())
+    }
 }
 
 impl Step for StartPose {
     fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        self.take_over(frame)?;
         for (from, to) in [(self.state, self.pose), (self.state + 7, self.world)] {
             let known = frame.get(from)?;
             frame.put(to.cast(), known)?;
@@ -60,6 +86,7 @@ impl Step for StartPose {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::ArmMotion;
     use crate::testing::PrimitiveHarness;
 
     #[test]
@@ -77,5 +104,28 @@ mod tests {
         assert_eq!(bench.reals("world", 7), world);
         bench.hold = None;
         assert!(bench.prepare().is_err());
+    }
+
+    #[test]
+    fn it_is_where_its_net_takes_the_arm_over() {
+        let mut bench = PrimitiveHarness::new("StartPose");
+        bench.prepare().unwrap();
+        let hold = bench.hold.unwrap();
+        let there = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+        bench.arm = Some(ArmMotion::at_rest(there));
+        bench.model.base = Pose::from_xyz_rpy([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let arm = bench.model.arm.unwrap();
+        for (begins, joints) in [(0, hold), (start::CONTINUE, there)] {
+            bench.cycle = 0;
+            bench.set_int("start", begins);
+            let pose = arm.forward(&joints);
+            assert_eq!(bench.step().reals("pose", 7), pose.to_slots());
+            // Only the first cycle takes over.
+            bench.arm = Some(ArmMotion::at_rest([1.0; 8]));
+            assert_eq!(bench.step().reals("pose", 7), pose.to_slots());
+            bench.arm = Some(ArmMotion::at_rest(there));
+        }
+        let world = bench.model.base.compose(&arm.forward(&there));
+        assert_eq!(bench.reals("world", 7), world.to_slots());
     }
 }

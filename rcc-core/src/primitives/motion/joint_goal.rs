@@ -17,13 +17,9 @@ use crate::primitive::{
     Bool, CatalogueEntry, DefaultValue, Device, Int, Kernel, NullRule, Parameter, ParameterKind,
     Port, PortType, Prepare, Real, Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
+use crate::primitives::start;
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
-
-/// Where the motion begins.
-const STARTS: &[&str] = &["hold", "continue"];
-/// Index of `continue` in [`STARTS`].
-const CONTINUE: i64 = 1;
 
 /// Optional limit for all joints.
 const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
@@ -102,13 +98,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 Unit::RADIAN_PER_SECOND3,
                 "jerk limit of every joint, if lower than the configured one",
             ),
-            Parameter::new(
-                "start",
-                ParameterKind::Word(STARTS),
+            start::parameter(
                 "hold: begins at rest where the arm is held at LOAD or START; continue: begins from position, velocity and \
                  acceleration that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held",
-            )
-            .default(DefaultValue::Word("hold")),
+            ),
         ],
         state: StateSpec {
             reals: (JOINTS_MAX * AXIS_WORDS) as u32,
@@ -144,10 +137,7 @@ impl Prepare for JointGoal {
 impl JointGoal {
     /// In the first cycle with `start: continue`, begins from the motion that the arm is in.
     fn take_over(self, frame: &mut Frame<'_>) -> Option<()> {
-        if frame.cycle != 0 || frame.get(self.start)? != CONTINUE {
-            return Some(());
-        }
-        let Some(motion) = frame.arms.get(self.device.0 as usize).copied().flatten() else {
+        let Some(motion) = start::taken_over(frame, self.device, self.start)? else {
             return Some(());
         };
         let rates = motion.velocity.into_iter().zip(motion.acceleration);
@@ -258,7 +248,7 @@ mod tests {
     fn continues_a_motion_from_its_position_velocity_and_acceleration() {
         for goal in [Some(GOAL), None] {
             let mut bench = bench();
-            bench.set_int("start", super::CONTINUE);
+            bench.set_int("start", super::start::CONTINUE);
             if goal.is_none() {
                 bench.set_bool("stop", Some(true));
             }

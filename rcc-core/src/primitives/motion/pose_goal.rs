@@ -6,21 +6,25 @@
 //! Lie theory for state estimation in robotics, arXiv:1812.01537, appendix B).
 //!
 //! The limits hold along the way: from rest each axis gets its share of the direction to the goal, so that all three
-//! arrive together on a straight line. For a goal that changes on the way no direction is known: each axis gets 1/√3.
+//! arrive together on a straight line. For a goal that changes on the way no direction is known: each axis gets 1/√3. So
+//! does each axis of a motion that is taken over in flight.
 
 use core::f64::consts::TAU;
 
 use crate::axis::{
     AXIS_WORDS, AxisFollower, AxisSlot, AxisState, axes, is_new, rest_at, share_of, step_axis,
 };
-use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::frame::{ArmMotion, Frame, Preparation, PrepareFault};
+use crate::kinematics::Arm;
+use crate::message::Joints;
 use crate::path::MotionLimits;
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, CatalogueEntry, DefaultValue, Device, Kernel, NullRule, Parameter, Port, Prepare, Real,
-    Rotation, Slot, Spec, StateSpec, Step, UnitRule, operands,
+    Bool, CatalogueEntry, DefaultValue, Device, Int, Kernel, NullRule, Parameter, Port, Prepare,
+    Real, Rotation, Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
-use crate::rotation::{exp, inverse, log, product, unit};
+use crate::primitives::start;
+use crate::rotation::{Quaternion, exp, inverse, log, product, unit};
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
 use crate::vector::{norm, scale};
@@ -32,7 +36,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "Moves a flange to a pose that may change in any cycle, as fast as limits of velocity, acceleration and jerk along its way allow.",
         null: "a null goal or `speed` brings the flange to rest and keeps it there; a null `stop` counts as true",
         null_rule: NullRule::Known,
-        formula: "x, y, z and the three elements of the rotation vector from the first orientation, each as ScalarGoal with its share of the limits: from rest that of the direction to the goal, which gives a straight line; after a change on the way 1/√3, and until the old velocity is braked the flange may be up to 1.3 times as fast; in the first cycle it is at rest at the arm's hold set-point",
+        formula: "x, y, z and the three elements of the rotation vector from the first orientation, each as ScalarGoal with its share of the limits: from rest that of the direction to the goal, which gives a straight line; after a change on the way 1/√3, and until the old velocity is braked the flange may be up to 1.3 times as fast; in the first cycle it is at rest at the arm's hold set-point, or where `start: continue` begins",
         inputs: &[
             Port::typed("goal", Type::Pose, "goal of the flange, in the arm's base"),
             Port::real(
@@ -95,6 +99,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .default(DefaultValue::Real(40.0))
             .above(0.0),
+            start::parameter(
+                "hold: begins at rest where the arm is held at LOAD or START; continue: begins from pose, velocity and acceleration \
+                 of the flange that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is \
+                 held",
+            ),
         ],
         state: StateSpec {
             reals: (6 * AXIS_WORDS + 4 + 12) as u32,
@@ -112,6 +121,7 @@ operands! {
         pose: Slot<Pose>, done: Slot<Bool>, flange_speed: Slot<Real>,
         device: Device, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
         angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
+        start: Slot<Int>,
         /// Six axes; the first orientation, the shares of the axes and the goal that they are for follow.
         state: AxisSlot,
     }
@@ -128,6 +138,27 @@ impl PoseGoal {
 
     fn shares_goal(self) -> Slot<[Real; 6]> {
         (self.first_orientation() + 10).cast()
+    }
+
+    /// In the first cycle with `start: continue`, begins from the motion that the arm is in.
+    fn take_over(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Some(motion) = start::taken_over(frame, self.device, self.start)? else {
+            return Some(());
+        };
+        let Some(arm) = frame.arm(self.device) else {
+            return Some(());
+        };
+        let rests = motion == ArmMotion::at_rest(motion.position);
+        let (orientation, states) = flange_motion(arm, &motion);
+        for (state, slot) in states.into_iter().zip(axes(self.state, SIX)) {
+            // All axes move or none: a new axis makes its first set-point that of the start.
+            let words = match rests {
+                true => rest_at(state.position),
+                false => AxisFollower::moving(state).words(),
+            };
+            frame.put(slot, words)?;
+        }
+        frame.put(self.first_orientation(), orientation)
     }
 
     /// Returns the share of the limits that each axis gets on the way to `goal`, and stores it: it is chosen once for each
@@ -181,6 +212,39 @@ fn along(way: [f64; 3]) -> [f64; 3] {
     }
 }
 
+/// Half of the time over which the motion of a flange is differentiated, s: short enough for errors below 1e-9 of the
+/// velocity, long enough for a rounding error of the acceleration below 1e-6 m/s².
+const HALF_S: f64 = 5e-5;
+
+/// Returns the orientation of a flange, and its six axes: x, y, z and the rotation vector from that orientation. Velocity and
+/// acceleration are differences of the poses shortly before and after, as the joints move.
+fn flange_motion(arm: &Arm, motion: &ArmMotion) -> (Quaternion, [AxisState; 6]) {
+    let at = |t_s: f64| {
+        let mut joints: Joints = motion.position;
+        let rates = motion.velocity.iter().zip(&motion.acceleration);
+        for (joint, (velocity, acceleration)) in joints.iter_mut().zip(rates) {
+            *joint += t_s * (velocity + t_s * acceleration / 2.0);
+        }
+        arm.forward(&joints)
+    };
+    let here = at(0.0);
+    let elements = |pose: Pose| {
+        let [x, y, z] = pose.position;
+        let [a, b, c] = log(product(inverse(here.orientation), pose.orientation));
+        [x, y, z, a, b, c]
+    };
+    let [before, now, after] = [at(-HALF_S), here, at(HALF_S)].map(elements);
+    let states = core::array::from_fn(|axis| {
+        let [before, now, after] = [before, now, after].map(|elements| elements[axis]);
+        AxisState {
+            position: now,
+            velocity: (after - before) / (2.0 * HALF_S),
+            acceleration: (after - 2.0 * now + before) / (HALF_S * HALF_S),
+        }
+    });
+    (here.orientation, states)
+}
+
 impl Prepare for PoseGoal {
     fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
         let (arm, hold) = preparation.arm_at_rest(self.device)?;
@@ -208,6 +272,7 @@ impl Step for PoseGoal {
             self.angular_jerk,
         ];
         let turn = limits(frame, turn, share)?;
+        self.take_over(frame)?;
         let first = unit(frame.get(self.first_orientation())?);
         let mut now = [AxisState::at_rest(NULL_REAL); SIX as usize];
         for (place, slot) in now.iter_mut().zip(axes(self.state, SIX)) {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::testing::PrimitiveHarness;
+use rcc_testing::{Random, Rng};
 
 fn bench() -> PrimitiveHarness {
     let mut bench = PrimitiveHarness::new("PoseGoal");
@@ -101,4 +102,89 @@ fn the_nearest_turn_continues_beyond_180_degrees() {
         [0.1, 0.0, 0.0]
     );
     assert_eq!(nearest_turn([0.0; 3], [3.0, 0.0, 0.0]), [0.0; 3]);
+}
+
+/// An arm whose flange moves along and about `twist` (m/s, rad/s, in axes of the flange), with constant arm angle.
+fn flying(arm: &Arm, joints: Joints, twist: [f64; 6]) -> ArmMotion {
+    let from = arm.forward(&joints);
+    let configuration = arm.configuration(&joints);
+    let [x, y, z, a, b, c] = twist;
+    let at = |t_s: f64| {
+        let position = [x, y, z].map(|rate| rate * t_s);
+        let orientation = exp([a, b, c].map(|rate| rate * t_s));
+        let pose = from.compose(&Pose {
+            position,
+            orientation,
+        });
+        let (branch, angle) = (configuration.branch, configuration.arm_angle);
+        arm.inverse(&pose, angle, branch, &joints).unwrap()
+    };
+    let (before, after) = (at(-1e-4), at(1e-4));
+    let mut motion = ArmMotion::at_rest(joints);
+    for joint in 0..7 {
+        motion.velocity[joint] = (after[joint] - before[joint]) / 2e-4;
+        motion.acceleration[joint] =
+            (after[joint] - 2.0 * joints[joint] + before[joint]) / (1e-4 * 1e-4);
+    }
+    motion
+}
+
+#[test]
+fn continues_a_motion_of_the_flange_from_its_pose_velocity_and_acceleration() {
+    let mut random = Rng::with_seed(21);
+    for _ in 0..100 {
+        let twist = core::array::from_fn(|axis| {
+            let most = if axis < 3 { 0.1 } else { 0.5 };
+            random.uniform(-most, most)
+        });
+        let (mut goal, mut inverse) = (bench(), PrimitiveHarness::new("InverseKinematics"));
+        let hold = goal.hold.unwrap();
+        let arm = goal.model.arm.unwrap();
+        // It is prepared where the arm is held, and begins elsewhere.
+        let joints: Joints = core::array::from_fn(|joint| match joint {
+            7 => 0.0,
+            _ => hold[joint] + random.uniform(-0.2, 0.2),
+        });
+        let motion = flying(&arm, joints, twist);
+        inverse.hold = goal.hold;
+        inverse.prepare().unwrap();
+        for bench in [&mut goal, &mut inverse] {
+            bench.set_int("start", start::CONTINUE);
+            bench.arm = Some(motion);
+        }
+        let from = arm.forward(&joints);
+        let to = from.compose(&Pose::from_xyz_rpy([0.05, 0.0, -0.05], [0.1, 0.0, 0.0]));
+        goal.set_reals("goal", &to.to_slots());
+        let [mut last, mut rates] = [motion.position, motion.velocity];
+        for cycle in 0..5000 {
+            let pose = goal.step().reals("pose", 7).to_vec();
+            let now = inverse.set_reals("pose", &pose).step().reals("joints", 7);
+            for joint in 0..7 {
+                let rate = (now[joint] - last[joint]) / 1e-3;
+                let acceleration = (rate - rates[joint]) / 1e-3;
+                let limit = goal.model.limits.acceleration_max[joint];
+                assert!(acceleration.abs() <= limit, "{cycle}: {acceleration}");
+                (last[joint], rates[joint]) = (now[joint], rate);
+            }
+        }
+        assert_eq!(goal.bool("done"), Some(true));
+        assert!(pose(&goal).distance_to(&to) < 1e-12);
+        assert_eq!(arm.branch(&last), arm.branch(&joints));
+        let angles = [last, joints].map(|joints| arm.arm_angle(&joints).unwrap());
+        assert!((angles[0] - angles[1]).abs() < 1e-9, "{angles:?}");
+    }
+}
+
+#[test]
+fn from_rest_it_begins_where_the_arm_is_held_now() {
+    let mut bench = bench();
+    let mut there = bench.hold.unwrap();
+    there[2] += 0.1;
+    bench.arm = Some(ArmMotion::at_rest(there));
+    let from = bench.model.arm.unwrap().forward(&there);
+    for (begins, place) in [(0, start(&bench)), (start::CONTINUE, from)] {
+        bench.cycle = 0;
+        let first = pose(bench.set_int("start", begins).step());
+        assert!(first.distance_to(&place) < 1e-12 && first.angle_to(&place) < 1e-7);
+    }
 }
