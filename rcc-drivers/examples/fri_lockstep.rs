@@ -120,14 +120,14 @@ fn lwr(law: ControlLaw, cycles: u64) -> Done {
         if cycle > ENTRY && !exchange.commandable {
             return fails(format!(
                 "{law:?}: cycle {cycle}: {:?}",
-                krc.snapshot().faults
+                krc.snapshot().robot.faults
             ));
         }
     }
     let state = krc.snapshot();
     let counts = state.counts;
     if (counts.missed, counts.faults, counts.refused) != (0, 0, 0) {
-        return fails(format!("{law:?}: {counts:?} {:?}", state.faults));
+        return fails(format!("{law:?}: {counts:?} {:?}", state.robot.faults));
     }
     println!(
         "lwr  {law:?}: {} answered, {} entry",
@@ -173,7 +173,7 @@ fn iiwa(version: Version, overlay: OverlayMode, multiplier: u32, cycles: u64) ->
             cabinet.receive(&answer, 1e-4)?;
         }
         if cycle > entry && !exchange.startable {
-            let faults = cabinet.snapshot().faults;
+            let faults = cabinet.snapshot().robot.faults;
             return fails(format!(
                 "{name}: cycle {cycle}: reason {} {faults:?}",
                 exchange.reason
@@ -183,7 +183,7 @@ fn iiwa(version: Version, overlay: OverlayMode, multiplier: u32, cycles: u64) ->
     let state = cabinet.snapshot();
     let counts = state.counts;
     if (counts.missed, counts.faults, counts.refused) != (0, 0, 0) {
-        return fails(format!("{name}: {counts:?} {:?}", state.faults));
+        return fails(format!("{name}: {counts:?} {:?}", state.robot.faults));
     }
     println!(
         "iiwa {name}: {} answered, {} entry",

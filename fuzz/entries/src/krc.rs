@@ -37,11 +37,9 @@ pub fn run(data: &[u8]) {
         }
     }
     let snapshot = krc.snapshot();
-    let finite = snapshot
-        .q
-        .iter()
-        .chain(&snapshot.velocity)
-        .all(|value| value.is_finite());
+    let robot = &snapshot.robot;
+    let mut values = robot.q.iter().chain(&robot.velocity);
+    let finite = values.all(|value| value.is_finite());
     assert!(finite, "{snapshot:?}");
     let answer = Ok::<_, ControlError>(ControlAnswer::State(Box::new(snapshot)));
     assert!(!to_line(answer).contains('\n'));
@@ -101,7 +99,7 @@ fn apply_step(
         ),
         12 => {
             let snapshot = krc.snapshot();
-            answer.joint_position = snapshot.q_cmd.map(|q| q as f32);
+            answer.joint_position = snapshot.robot.q_cmd.map(|q| q as f32);
         }
         _ => {}
     }

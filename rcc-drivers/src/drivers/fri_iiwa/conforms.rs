@@ -22,6 +22,7 @@ use crate::sim::iiwa::cabinet::Cabinet;
 use crate::sim::iiwa::settings::Settings as CabinetSettings;
 use crate::sim::iiwa::station::SignalLoopback;
 use crate::sim::lwr::settings::supervised_limits;
+use crate::sim::robot_settings::RobotSettings;
 
 /// The cabinet and the driver speak 1.15.
 const VERSION: Version = Version::V1_14;
@@ -82,7 +83,7 @@ pub(super) fn cabinet(version: Version) -> Cabinet {
             loopback(AnalogOutput, AnalogInput),
         ],
         // The demo's arm is an LWR.
-        limits: supervised_limits(),
+        robot: RobotSettings::within(supervised_limits()),
         ..CabinetSettings::default()
     })
 }
@@ -119,7 +120,7 @@ impl Peer for Controller {
         };
         let commands = self.cabinet.is_commanded();
         if self.commands && !commands {
-            let faults = self.cabinet.snapshot().faults.into_iter();
+            let faults = self.cabinet.snapshot().robot.faults.into_iter();
             let ours =
                 faults.filter(|fault| !OF_THE_WIRE.contains(&fault.code) && fault.code != RELEASED);
             self.protocol_violations = ours.map(|fault| fault.reason).collect();

@@ -70,7 +70,7 @@ impl Peer for Controller {
         let state = MeasurementDatagram::decode(&bytes).map(|measured| measured.state);
         let commands = state == Ok(SessionState::Command);
         if self.commands && !commands {
-            let faults = self.krc.snapshot().faults;
+            let faults = self.krc.snapshot().robot.faults;
             let ours = faults
                 .into_iter()
                 .filter(|fault| !OF_THE_WIRE.contains(&fault.code));

@@ -143,7 +143,7 @@ fn command_mode_is_entered_by_the_handshake_without_a_fault() {
     let bench = FriFixture::ready();
     assert_eq!(bench.faults(), 0);
     assert_eq!(bench.measured().reason, 0);
-    let start = KrcSettings::default().start;
+    let start = KrcSettings::default().robot.start;
     for (hold, start) in bench.measured().hold.iter().zip(start) {
         assert!((hold - start).abs() < 1e-6);
     }

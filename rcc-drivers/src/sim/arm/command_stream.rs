@@ -131,6 +131,12 @@ impl CommandStream {
         self.velocity
     }
 
+    /// Forgets the largest velocities and accelerations.
+    pub fn reset_extremes(&mut self) {
+        self.velocity_max = [0.0; JOINTS];
+        self.acceleration_max = [0.0; JOINTS];
+    }
+
     /// Counts a missed command and returns the position extrapolated with the last velocity, rad.
     pub fn extrapolate(&mut self, period_s: f64) -> Joints {
         self.missed += 1;

@@ -38,7 +38,7 @@ impl Cabinet {
         let off = match self.safety {
             SafetyState::Stop0 => true,
             SafetyState::Stop1 => self.is_at_rest(),
-            SafetyState::Normal | SafetyState::Stop2 => !self.drives_wanted,
+            SafetyState::Normal | SafetyState::Stop2 => !self.robot.drives_wanted,
         };
         if off {
             self.drives = DriveState::Off;
@@ -46,9 +46,10 @@ impl Cabinet {
         }
         if allowed && self.drives == DriveState::Off {
             self.drives = DriveState::Transitioning;
-            self.drives_active_at_s = self.time_s + DRIVE_START_S;
+            self.drives_active_at_s = self.robot.time_s + DRIVE_START_S;
         }
-        if self.drives == DriveState::Transitioning && self.time_s >= self.drives_active_at_s {
+        if self.drives == DriveState::Transitioning && self.robot.time_s >= self.drives_active_at_s
+        {
             self.drives = DriveState::Active;
         }
     }
@@ -56,7 +57,7 @@ impl Cabinet {
     fn acknowledge_by_application(&mut self) {
         if self.settings.motion == MotionStart::Auto
             && self.safety == SafetyState::Normal
-            && self.at_rest_for_s >= self.settings.acknowledge_after_s
+            && self.robot.at_rest_for_s >= self.settings.robot.acknowledge_after_s
         {
             self.fault = None;
         }
@@ -93,13 +94,13 @@ impl Cabinet {
 
     /// Presses the emergency stop, a stop 1; `ack` releases it.
     pub(super) fn press_emergency_stop(&mut self) {
-        self.emergency_stop = true;
+        self.robot.emergency_stop = true;
         self.stop_safely(SafetyState::Stop1);
     }
 
     /// Switches the drives on or off.
     pub(super) fn switch_drives(&mut self, on: bool) {
-        self.drives_wanted = on;
+        self.robot.drives_wanted = on;
         if !on && self.has_motion() {
             self.fail(CabinetFault::DrivesOff);
         }
@@ -109,7 +110,7 @@ impl Cabinet {
     /// it is at rest.
     pub(super) fn acknowledge(&mut self) -> bool {
         if self.is_at_rest() {
-            self.emergency_stop = false;
+            self.robot.emergency_stop = false;
             self.safety = SafetyState::Normal;
             self.fault = None;
         }

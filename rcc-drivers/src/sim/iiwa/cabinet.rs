@@ -8,18 +8,13 @@
 use super::fault::{AnswerRefusal, CabinetFault, WaitReason};
 use super::settings::{ControlSettings, Settings};
 use super::station::Station;
-use super::statistics::{CabinetCounts, FAULTS_KEPT, FaultRecord};
+use super::statistics::CabinetCounts;
 use super::{JOINTS, Joints};
 use crate::fri_iiwa::wire::schema::Command;
 use crate::fri_iiwa::wire::{DriveState, Quality, SafetyState, SessionState, decode};
-use crate::sim::arm::command_stream::CommandStream;
-use crate::sim::arm::environment::Environment;
-use crate::sim::arm::impedance::{ControlLaw, ImpedanceControl, ImpedanceSettings};
-use crate::sim::arm::model::{Geometry, geometry};
-use crate::sim::arm::simulated_arm::SimulatedArm;
-use crate::sim::network::Network;
+use crate::sim::arm::impedance::ControlLaw;
 use crate::sim::quality::QualityMeter;
-use crate::sim::requests::Chance;
+use crate::sim::simulated_robot::SimulatedRobot;
 use crate::sim::trace::TraceRecord;
 
 mod command_target;
@@ -39,8 +34,7 @@ const ABORTED_MESSAGES: u32 = 10;
 #[derive(Clone, Debug)]
 pub struct Cabinet {
     pub(super) settings: Settings,
-    pub(super) tick: u64,
-    pub(super) time_s: f64,
+    pub(super) robot: SimulatedRobot,
     pub(super) session_open: bool,
     /// Messages in IDLE that are still sent.
     final_messages: u32,
@@ -48,32 +42,18 @@ pub struct Cabinet {
     /// Messages for which the session stays in MONITORING_WAIT.
     pub(super) aborted_for: u32,
     pub(super) motion_wanted: bool,
-    pub(super) drives_wanted: bool,
     pub(super) drives: DriveState,
     /// When the drives will be active, s.
     pub(super) drives_active_at_s: f64,
     pub(super) safety: SafetyState,
-    pub(super) emergency_stop: bool,
     pub(super) fault: Option<CabinetFault>,
     pub(super) wait_reason: Option<WaitReason>,
-    pub(super) faults: Vec<FaultRecord>,
     pub(super) counts: CabinetCounts,
     pub(super) last_refusal: Option<AnswerRefusal>,
     pub(super) quality: QualityMeter<Quality>,
-    pub(super) arm: SimulatedArm,
-    /// Springs, dampers and what the client adds.
-    pub(super) impedance: ImpedanceSettings,
-    pub(super) environment: Environment,
-    pub(super) geometry: Geometry,
-    pub(super) wrench: [f64; 6],
-    pub(super) at_rest_for_s: f64,
     pub(super) station: Station,
-    pub(super) desired: Joints,
-    /// Set-point at which the present step begins, rad.
-    from: Joints,
     /// Set-point of the motion itself, a position hold, without what the client commands, rad.
     pub(super) interpolated: Joints,
-    pub(super) last_stream: CommandStream,
     pub(super) motion: Motion,
     answer: Option<(Command, f64)>,
     pub(super) last_answer: Option<u32>,
@@ -81,65 +61,36 @@ pub struct Cabinet {
     messages_since_answer: u32,
     /// Messages since the last answer was taken or missed.
     messages_since_due: u32,
-    withheld_ticks: u64,
-    drop_percent: f64,
-    pub(super) network: Network,
-    chance: Chance,
-    sent: Option<TraceRecord>,
-    exchanged: Option<TraceRecord>,
 }
 
 impl Cabinet {
     /// A cabinet whose application has just opened the session: drives active, arm at rest.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
-        let (start, period_s) = (settings.start, settings.period_s());
+        let period_s = settings.period_s();
         let model = settings.arm.model();
         Self {
-            tick: 0,
-            time_s: 0.0,
+            robot: SimulatedRobot::new(&settings.robot, model, settings.impedance, period_s),
             session_open: true,
             final_messages: 0,
             closing: false,
             aborted_for: 0,
             motion_wanted: settings.motion == super::settings::MotionStart::Auto,
-            drives_wanted: true,
             drives: DriveState::Active,
             drives_active_at_s: 0.0,
             safety: SafetyState::Normal,
-            emergency_stop: false,
             fault: None,
             wait_reason: Some(WaitReason::Answer),
-            faults: Vec::new(),
             counts: CabinetCounts::default(),
             last_refusal: None,
-            quality: QualityMeter::new(settings.quality, period_s),
-            arm: SimulatedArm::new(start, settings.bandwidth_rad_s),
-            impedance: settings.impedance,
-            environment: Environment {
-                wall: settings.wall,
-                load: settings.load,
-                injected: [0.0; 6],
-            },
-            geometry: geometry(model, &start),
-            wrench: [0.0; 6],
-            at_rest_for_s: 0.0,
+            quality: QualityMeter::new(settings.robot.quality, period_s),
             station: Station::new(settings.signals.clone(), settings.loopbacks.clone()),
-            desired: start,
-            from: start,
-            interpolated: start,
-            last_stream: CommandStream::at_rest(start, period_s),
+            interpolated: settings.robot.start,
             motion: Motion::Hold,
             answer: None,
             last_answer: None,
             messages_since_answer: 0,
             messages_since_due: 0,
-            withheld_ticks: 0,
-            drop_percent: 0.0,
-            network: Network::new(settings.seed),
-            chance: Chance(settings.seed),
-            sent: None,
-            exchanged: None,
             settings,
         }
     }
@@ -162,14 +113,14 @@ impl Cabinet {
         if self.session() == SessionState::Idle {
             return Err(AnswerRefusal::Idle);
         }
-        if self.drop_percent > 0.0 && self.chance.draw() * 100.0 < self.drop_percent {
+        if self.robot.drops_answer() {
             self.counts.dropped += 1;
             return Ok(());
         }
         let header = command.header.unwrap_or_default();
         let (have, own) = (header.reflected.unwrap_or(0), header.sequence.unwrap_or(0));
         let want = self.sequence();
-        if have != want || self.sent.is_none() {
+        if have != want || self.robot.sent.is_none() {
             return Err(AnswerRefusal::Late { want, have });
         }
         // A restarted client counts from the beginning, which does no harm while nothing is commanded.
@@ -233,56 +184,34 @@ impl Cabinet {
     pub fn tick(&mut self, periods: u64) -> Option<Vec<u8>> {
         let answer = self.answer.take();
         let due = self.count(answer.as_ref(), periods);
-        if let Some(sent) = self.sent {
-            self.exchanged = Some(pair(sent, answer.as_ref(), self.station.bits()));
+        if let Some(sent) = self.robot.sent {
+            self.robot.exchanged = Some(pair(sent, answer.as_ref(), self.station.bits()));
         }
         let command = answer.map(|(command, _)| command);
-        self.from = self.desired;
+        self.robot.from = self.robot.desired;
         let passed = self.move_set_point(command.as_ref(), due, periods);
         let gone_on = self.continue_through_stall(periods.saturating_sub(passed));
         let step_s = (passed + gone_on) as f64 * self.settings.period_s();
-        self.move_arm(step_s);
-        self.at_rest_for_s = if self.is_at_rest() {
-            self.at_rest_for_s + step_s
-        } else {
-            0.0
-        };
+        let model = self.settings.arm.model();
+        self.robot.step(self.law(), model, step_s);
+        self.robot.count_rest(self.is_at_rest(), step_s);
         self.supervise_arm();
         self.run_application();
-        self.tick += 1 + gone_on;
-        self.time_s += step_s;
+        self.robot.tick += 1 + gone_on;
+        self.robot.time_s += step_s;
         self.next_message()
-    }
-
-    fn move_arm(&mut self, step_s: f64) {
-        let model = self.settings.arm.model();
-        match self.law() {
-            ControlLaw::Position => self.arm.follow(&self.from, &self.desired, step_s),
-            law => {
-                let control = ImpedanceControl {
-                    law,
-                    settings: &self.impedance,
-                    model,
-                };
-                let goal = (&self.from, &self.desired);
-                self.arm
-                    .step_impedance(goal, step_s, &control, &self.environment);
-            }
-        }
-        self.geometry = geometry(model, &self.arm.position);
-        self.wrench = self.environment.wrench(&self.geometry, &self.arm.velocity);
     }
 
     /// Returns the datagrams of the cycle that the last tick has ended.
     #[must_use]
     pub fn exchanged(&self) -> Option<&TraceRecord> {
-        self.exchanged.as_ref()
+        self.robot.exchanged.as_ref()
     }
 
     /// Returns the counter of the last message.
     #[must_use]
     pub fn sequence(&self) -> u32 {
-        self.tick as u32
+        self.robot.tick as u32
     }
 
     /// Returns the state of the session.
@@ -319,7 +248,7 @@ impl Cabinet {
     /// Returns true if neither the set-point nor the arm moves.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        self.arm.is_at_rest() && !matches!(self.motion, Motion::Stop(_))
+        self.robot.arm.is_at_rest() && !matches!(self.motion, Motion::Stop(_))
     }
 
     /// Returns the control law: that of the motion, and position control without one.
@@ -336,17 +265,7 @@ impl Cabinet {
         self.settings.law = control.law;
         self.settings.overlay = control.overlay;
         self.settings.impedance = control.impedance;
-        self.impedance = control.impedance;
-    }
-
-    /// Sends nothing for this time, s; the cabinet continues and misses the answers.
-    pub(super) fn withhold(&mut self, time_s: f64) {
-        self.withheld_ticks = (time_s / self.settings.period_s()).round() as u64;
-    }
-
-    /// Drops this share of the answers, percent.
-    pub(super) fn drop_answers(&mut self, percent: f64) {
-        self.drop_percent = percent;
+        self.robot.impedance = control.impedance;
     }
 
     /// Opens the session, if it is closed.
@@ -355,8 +274,8 @@ impl Cabinet {
             return;
         }
         self.session_open = true;
-        self.quality = QualityMeter::new(self.settings.quality, self.settings.period_s());
-        (self.last_answer, self.sent, self.answer) = (None, None, None);
+        self.quality = QualityMeter::new(self.settings.robot.quality, self.settings.period_s());
+        (self.last_answer, self.robot.sent, self.answer) = (None, None, None);
         (self.messages_since_answer, self.messages_since_due) = (0, 0);
     }
 
@@ -380,14 +299,10 @@ impl Cabinet {
 
     pub(super) fn reset_statistics(&mut self) {
         self.counts = CabinetCounts::default();
-        self.faults.clear();
         self.last_refusal = None;
-        self.arm.reset_extremes();
-        self.last_stream.velocity_max = [0.0; JOINTS];
-        self.last_stream.acceleration_max = [0.0; JOINTS];
+        self.robot.reset_statistics();
         if let Motion::Follow(commands) = &mut self.motion {
-            commands.stream.velocity_max = [0.0; JOINTS];
-            commands.stream.acceleration_max = [0.0; JOINTS];
+            commands.stream.reset_extremes();
         }
     }
 
@@ -395,7 +310,7 @@ impl Cabinet {
     fn count(&mut self, answer: Option<&(Command, f64)>, periods: u64) -> Due {
         self.counts.stalls += u64::from(periods > 1);
         self.counts.skipped += periods.saturating_sub(1);
-        if self.sent.is_none() || !self.session_open {
+        if self.robot.sent.is_none() || !self.session_open {
             return Due::Nothing;
         }
         self.messages_since_due += 1;
@@ -419,19 +334,11 @@ impl Cabinet {
 
     /// Ends the motion with a fault; the first cause is kept.
     pub(super) fn fail(&mut self, fault: CabinetFault) {
-        self.at_rest_for_s = 0.0;
+        self.robot.at_rest_for_s = 0.0;
         if self.fault.is_none() {
             self.fault = Some(fault);
             self.counts.faults += 1;
-            if self.faults.len() == FAULTS_KEPT {
-                self.faults.remove(0);
-            }
-            self.faults.push(FaultRecord {
-                tick: self.tick,
-                time_s: self.time_s,
-                code: fault.code(),
-                reason: fault.to_string(),
-            });
+            self.robot.remember(fault.code(), fault.to_string());
         }
         self.aborted_for = ABORTED_MESSAGES;
         if self.settings.motion == super::settings::MotionStart::Manual {
@@ -451,32 +358,9 @@ impl Cabinet {
         if self.settings.law == ControlLaw::Position || !self.is_commanded() {
             return;
         }
-        let limits = &self.settings.limits;
-        let first = (0..JOINTS).find_map(|joint| {
-            let rows = [
-                (
-                    "is at (rad)",
-                    self.arm.position[joint],
-                    limits.position[joint],
-                ),
-                (
-                    "moves with (rad/s)",
-                    self.arm.velocity[joint],
-                    limits.velocity[joint],
-                ),
-            ];
-            let beyond = rows
-                .into_iter()
-                .find(|(_, value, limit)| value.abs() > *limit);
-            beyond.map(|(what, value, limit)| CabinetFault::Runaway {
-                joint,
-                what,
-                value,
-                limit,
-            })
-        });
-        if let Some(fault) = first {
-            self.fail(fault);
+        let limits = &self.settings.robot.limits;
+        if let Some(runaway) = self.robot.runaway(limits, 1.0) {
+            self.fail(CabinetFault::Runaway(runaway));
         }
     }
 
@@ -484,27 +368,15 @@ impl Cabinet {
         self.aborted_for = self.aborted_for.saturating_sub(1);
         if !self.session_open {
             if self.final_messages == 0 {
-                self.sent = None;
+                self.robot.sent = None;
                 return None;
             }
             self.final_messages -= 1;
         }
         self.messages_since_answer = self.messages_since_answer.saturating_add(1);
-        self.sent = Some(TraceRecord {
-            tick: self.tick,
-            time_s: self.time_s,
-            sequence: self.sequence(),
-            state: self.session() as u16,
-            quality: self.quality.quality() as u16,
-            answered: false,
-            measured: self.arm.position,
-            commanded: [f64::NAN; JOINTS],
-            booleans: 0,
-            flange: self.geometry.position,
-            force: [self.wrench[0], self.wrench[1], self.wrench[2]],
-        });
-        if self.withheld_ticks > 0 {
-            self.withheld_ticks -= 1;
+        let (state, quality) = (self.session() as u16, self.quality.quality() as u16);
+        self.robot.sent = Some(self.robot.trace_record(self.sequence(), state, quality));
+        if self.robot.withholds() {
             self.counts.withheld += 1;
             return None;
         }

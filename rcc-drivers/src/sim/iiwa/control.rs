@@ -22,10 +22,11 @@ use crate::fri_iiwa::wire::{DriveState, Quality, SafetyState, SessionState};
 use crate::sim::arm::dynamics::FlangeLoad;
 use crate::sim::arm::environment::Wall;
 use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings, RATIO, STIFFNESS, count, kind};
-use crate::sim::network::{NetworkRates, impossible};
+use crate::sim::network::NetworkRates;
 use crate::sim::requests::{
     ControlAnswer, DriveSwitch, DropRate, InjectedWrench, RequestError, TraceFile,
 };
+use crate::sim::robot_snapshot::RobotSnapshot;
 use serde::Deserialize;
 
 /// A request at the control port.
@@ -229,28 +230,20 @@ impl Cabinet {
             CabinetRequest::State => {
                 return Ok(ControlAnswer::State(Box::new(self.snapshot())));
             }
-            CabinetRequest::Wrench(wrench) => self.environment.injected = wrench.elements(),
-            CabinetRequest::Wall(wall) => {
-                let wall = wall.map(Wall::checked).transpose();
-                self.environment.wall = wall.map_err(RequestError::from)?;
-            }
-            CabinetRequest::Load(load) => {
-                let load = load.map(FlangeLoad::checked).transpose();
-                self.environment.load = load.map_err(RequestError::from)?;
-            }
-            CabinetRequest::Network(rates) => {
-                if let Some(rate) = impossible(&rates) {
-                    return Err(RequestError::Probability(rate).into());
-                }
-                self.network.set(rates);
-            }
+            CabinetRequest::Wrench(wrench) => self.robot.environment.injected = wrench.elements(),
+            CabinetRequest::Wall(wall) => self.robot.set_wall(wall)?,
+            CabinetRequest::Load(load) => self.robot.set_load(load)?,
+            CabinetRequest::Network(rates) => self.robot.set_network(rates)?,
             CabinetRequest::SetIo(SignalValue { name, value }) => {
                 if !self.station.set_input(&name, value) {
                     return Err(ControlError::Io { name, value });
                 }
             }
-            CabinetRequest::FreezeMs(time_ms) => self.withhold(time_ms as f64 * 1e-3),
-            CabinetRequest::Drop(rate) => self.drop_answers(rate.checked()?),
+            CabinetRequest::FreezeMs(time_ms) => {
+                self.robot
+                    .withhold(time_ms as f64 * 1e-3, self.settings.period_s());
+            }
+            CabinetRequest::Drop(rate) => self.robot.drop_percent = rate.checked()?,
             CabinetRequest::ResetStatistics => self.reset_statistics(),
             CabinetRequest::Trace(_) | CabinetRequest::Flush => {}
             other => self.operate(other)?,
@@ -264,7 +257,7 @@ impl Cabinet {
             CabinetRequest::Estop => self.press_emergency_stop(),
             CabinetRequest::Ack if !self.acknowledge() => return Err(RequestError::Moving.into()),
             CabinetRequest::Drives(DriveSwitch { on }) => self.switch_drives(on),
-            CabinetRequest::Safety(SafetyRequest::Normal) if self.emergency_stop => {
+            CabinetRequest::Safety(SafetyRequest::Normal) if self.robot.emergency_stop => {
                 return Err(ControlError::EmergencyStop);
             }
             CabinetRequest::Safety(safety) => self.stop_safely(match safety {
@@ -275,12 +268,7 @@ impl Cabinet {
             }),
             CabinetRequest::Mode(selector) => self.turn_selector(selector),
             CabinetRequest::Clear => {
-                self.network.set(NetworkRates::default());
-                self.drop_answers(0.0);
-                self.withhold(0.0);
-                self.environment.injected = [0.0; 6];
-                self.environment.wall = self.settings.wall;
-                self.environment.load = self.settings.load;
+                self.robot.clear(&self.settings.robot);
                 self.switch_drives(true);
                 if !self.acknowledge() {
                     return Err(RequestError::Moving.into());
@@ -331,10 +319,15 @@ impl Cabinet {
     /// Returns the whole state.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
-        let figures = self.quality.figures();
         Snapshot {
-            tick: self.tick,
-            time_s: self.time_s,
+            robot: RobotSnapshot {
+                waiting_for: self.wait_reason.map(|reason| reason.to_string()),
+                fault: self.fault.map(|fault| fault.to_string()),
+                last_refusal: self.last_refusal.as_ref().map(ToString::to_string),
+                drives_on: self.drives == DriveState::Active,
+                at_rest: self.is_at_rest(),
+                ..self.robot.snapshot(self.quality.figures())
+            },
             session: session_word(self.session()),
             quality: quality_word(self.quality.quality()),
             control: self.settings.law,
@@ -351,32 +344,8 @@ impl Cabinet {
                 DriveState::Transitioning => "transitioning",
                 DriveState::Active => "active",
             },
-            waiting_for: self.wait_reason.map(|reason| reason.to_string()),
-            fault: self.fault.map(|fault| fault.to_string()),
-            faults: self.faults.clone(),
-            last_refusal: self.last_refusal.as_ref().map(ToString::to_string),
-            drives_on: self.drives == DriveState::Active,
-            emergency_stop: self.emergency_stop,
-            q: self.arm.position,
-            velocity: self.arm.velocity,
-            q_cmd: self.desired,
-            velocity_max: self.arm.velocity_max,
-            acceleration_max: self.arm.acceleration_max,
-            commanded_velocity_max: self.last_stream.velocity_max,
-            commanded_acceleration_max: self.last_stream.acceleration_max,
-            at_rest: self.is_at_rest(),
-            at_rest_for_s: self.at_rest_for_s,
-            flange_position: self.geometry.position,
-            flange_rotation: self.geometry.rotation,
-            wrench: self.wrench,
-            added: self.impedance.added,
-            wall: self.environment.wall,
-            load: self.environment.load,
-            answer_rate: figures.answered as f64 / crate::sim::quality::WINDOW as f64,
-            latency_s: figures.latency_s,
-            jitter_s: figures.jitter_s,
+            added: self.robot.impedance.added,
             counts: self.counts,
-            network: self.network.counts(),
             io: self.station.states(),
         }
     }

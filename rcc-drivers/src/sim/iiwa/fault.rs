@@ -3,6 +3,7 @@
 
 use crate::fri_iiwa::wire::{Quality, SafetyState, WireError};
 use crate::sim::arm::command_stream::StreamFault;
+use crate::sim::simulated_robot::Runaway;
 use thiserror::Error;
 
 /// Cause of the end of a motion. Joints are counted from 0 here and from 1 in messages.
@@ -89,20 +90,8 @@ pub enum CabinetFault {
         limit: f64,
     },
     /// The arm itself, which yields in impedance control, has left its range or is too fast.
-    #[error(
-        "joint {} {what} {value}, the limit is ±{limit}: the springs and forces that are commanded do not hold the arm",
-        joint + 1
-    )]
-    Runaway {
-        /// Index of the joint.
-        joint: usize,
-        /// Name and unit of the value that is too large.
-        what: &'static str,
-        /// Measured.
-        value: f64,
-        /// Limit.
-        limit: f64,
-    },
+    #[error(transparent)]
+    Runaway(#[from] Runaway),
     /// In T1 the flange may not be faster than 250 mm/s.
     #[error("the flange was commanded with {0} m/s, T1 allows 0.25 m/s")]
     ReducedSpeed(f64),
@@ -134,7 +123,7 @@ impl CabinetFault {
             Self::DrivesOff => 10,
             Self::Torque { .. } => 11,
             Self::Rotation(_) | Self::Unreachable { .. } => 12,
-            Self::Runaway { .. } => 13,
+            Self::Runaway(_) => 13,
             Self::ReducedSpeed(_) => 14,
             Self::OperatingMode => 15,
         }

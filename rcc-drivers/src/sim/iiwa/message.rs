@@ -44,18 +44,18 @@ impl Cabinet {
     /// masses are.
     fn monitor_data(&self) -> MonitorData {
         let (version, model) = (self.settings.version, self.settings.arm.model());
-        let external = self.geometry.joint_torque(&self.wrench);
-        let gravity = gravity_torque(model, &self.arm.position);
-        let friction = friction_torque(model, &self.arm.velocity);
+        let external = self.robot.geometry.joint_torque(&self.robot.wrench);
+        let gravity = gravity_torque(model, &self.robot.arm.position);
+        let friction = friction_torque(model, &self.robot.arm.velocity);
         let measured: Joints =
             std::array::from_fn(|joint| external[joint] + gravity[joint] + friction[joint]);
         let held: Joints = std::array::from_fn(|joint| gravity[joint] + friction[joint]);
         let second = version.is_second();
-        let [fx, fy, fz, tx, ty, tz] = self.wrench;
+        let [fx, fy, fz, tx, ty, tz] = self.robot.wrench;
         MonitorData {
-            measured_position: values(&self.arm.position),
+            measured_position: values(&self.robot.arm.position),
             measured_torque: values(&measured),
-            commanded_position: (!second).then(|| all(&self.desired)),
+            commanded_position: (!second).then(|| all(&self.robot.desired)),
             commanded_torque: values(&held),
             external_torque: values(&external),
             external_force: (version == Version::V2_7).then(|| CartesianVector {
@@ -65,11 +65,11 @@ impl Cabinet {
                 true => self.station.listed(),
                 false => Vec::new(),
             },
-            measured_pose: second.then(|| to_wire(&self.geometry)),
-            redundancy: second.then(|| redundancy(&self.arm.position)),
+            measured_pose: second.then(|| to_wire(&self.robot.geometry)),
+            redundancy: second.then(|| redundancy(&self.robot.arm.position)),
             timestamp: Some(TimeStamp {
-                seconds: Some(self.time_s as u32),
-                nanoseconds: Some((self.time_s.fract() * 1e9) as u32),
+                seconds: Some(self.robot.time_s as u32),
+                nanoseconds: Some((self.robot.time_s.fract() * 1e9) as u32),
             }),
         }
     }

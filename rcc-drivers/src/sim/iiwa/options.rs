@@ -8,32 +8,19 @@ use super::settings::{MotionStart, OverlayError, OverlayMode, Selector, Settings
 use super::station::{SignalLoopback, StationSignal};
 use crate::fri_iiwa::wire::{IO_MAX, Version};
 use crate::sim::arm::command_stream::SupervisedLimits;
-use crate::sim::arm::dynamics::FlangeLoad;
-use crate::sim::arm::environment::{Wall, WallError};
 use crate::sim::arm::impedance::ControlLaw;
-use crate::sim::control_socket;
 use crate::sim::number_list::NumberList;
-use crate::sim::quality::QualityThresholds;
+use crate::sim::robot_options::{RobotOptionError, RobotOptions};
 use clap::Parser;
-use std::net::SocketAddr;
-use std::path::PathBuf;
 
 /// A simulated Sunrise Cabinet with a KUKA LBR iiwa or LBR Med: speaks FRI 1.11 to 2.7 over UDP, sends first, and moves a
 /// simulated arm. Its application opens a session and holds the position with an FRI overlay.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "iiwa-sim", version = rcc_protocol::version::version())]
 pub struct Options {
-    /// Address where the client (the driver) listens; datagrams from elsewhere are ignored. A KUKA client that is given a
-    /// host name answers to that host and its own port: bind the same port on another loopback address then
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pub driver: SocketAddr,
-    /// Address to send from; port 0 lets the system choose
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
-    pub bind: SocketAddr,
-    /// Unix socket of the control port (one JSON object per line), for programs of the same user and of root, in a
-    /// folder that only they can write to; files that requests name must be below that folder. Default: no control port
-    #[arg(long, value_name = "SOCKET", value_parser = control_socket::path)]
-    pub control: Option<PathBuf>,
+    /// What every simulated arm has.
+    #[command(flatten)]
+    pub robot: RobotOptions,
     /// Version of FRI: 1.11, 1.14, 1.15, 1.16, 2.5 or 2.7
     #[arg(long, value_name = "VERSION", value_parser = version)]
     pub fri: Version,
@@ -71,46 +58,9 @@ pub struct Options {
     /// Operating mode; in T1 the flange may not be faster than 250 mm/s
     #[arg(long, value_enum, default_value = "aut")]
     pub mode: Selector,
-    /// Joint positions at the start, rad
-    #[arg(
-        long,
-        value_name = "Q1,…,Q7",
-        default_value = "0,0.5236,0,-1.5708,0,1.0472,0",
-        allow_hyphen_values = true
-    )]
-    pub start: NumberList<JOINTS>,
     /// Supervised accelerations, degrees/s². Default: ten times the velocities (our own values: KUKA publishes none)
     #[arg(long, value_name = "A1,…,A7")]
     pub acceleration_limits: Option<NumberList<JOINTS>>,
-    /// Time constant of the low-pass behind which the acceleration is supervised, ms; 0 judges the second difference (our
-    /// own rule and value)
-    #[arg(long, value_name = "MS", default_value_t = 10.0)]
-    pub acceleration_filter_ms: f64,
-    /// Largest difference to the interpolated position while the robot synchronises, rad (our own value)
-    #[arg(long, value_name = "RAD", default_value_t = 0.01)]
-    pub mirror_tolerance: f64,
-    /// Consecutive missed answers that are bridged; one more ends the motion (our own value)
-    #[arg(long, value_name = "COUNT", default_value_t = 5)]
-    pub bridge: u32,
-    /// Largest deceleration of a stop, rad/s² (our own value)
-    #[arg(long, value_name = "RAD/S²", default_value_t = 8.0)]
-    pub brake_deceleration: f64,
-    /// Largest jerk of a stop, rad/s³ (our own value)
-    #[arg(long, value_name = "RAD/S³", default_value_t = 200.0)]
-    pub brake_jerk: f64,
-    /// Bandwidth of the simulated position control, rad/s: the arm lags 2 v / bandwidth behind (our own value)
-    #[arg(long, value_name = "RAD/S", default_value_t = 80.0)]
-    pub bandwidth: f64,
-    /// Smallest share of the last 100 answers for EXCELLENT, GOOD and FAIR (our own values)
-    #[arg(
-        long,
-        value_name = "EXCELLENT,GOOD,FAIR",
-        default_value = "0.99,0.95,0.8"
-    )]
-    pub quality: NumberList<3>,
-    /// Answers for which a better quality must last before it takes effect (our own value)
-    #[arg(long, value_name = "COUNT", default_value_t = 50)]
-    pub quality_raise_cycles: u32,
     /// An input or output of the station: boolean, digital or analog, and input or output as the client sees it; at most
     /// ten
     #[arg(long, value_name = "GROUP.NAME=TYPE:DIRECTION")]
@@ -118,24 +68,6 @@ pub struct Options {
     /// Loops an output of the station back to an input
     #[arg(long, value_name = "OUTPUT=INPUT")]
     pub wire_io: Vec<SignalLoopback>,
-    /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
-    #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ,K,D", allow_hyphen_values = true)]
-    pub wall: Option<NumberList<8>>,
-    /// A load at the flange that the cabinet does not know about: its mass (kg), and its centre in the flange frame (m)
-    #[arg(long, value_name = "KG[,X,Y,Z]", allow_hyphen_values = true)]
-    pub load: Option<FlangeLoad>,
-    /// Appends every exchanged pair of datagrams to this file as comma-separated values
-    #[arg(long, value_name = "FILE")]
-    pub trace: Option<PathBuf>,
-    /// Seed of the random numbers for answers that are dropped on request
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// SCHED_FIFO priority of the clock thread, if the system permits it: a real controller is punctual
-    #[arg(long, value_name = "1..99", value_parser = clap::value_parser!(u8).range(1..=99))]
-    pub priority: Option<u8>,
-    /// Ends when the thread that started it ends
-    #[arg(long)]
-    pub parent_death: bool,
 }
 
 fn version(text: &str) -> Result<Version, String> {
@@ -146,29 +78,9 @@ fn version(text: &str) -> Result<Version, String> {
 /// Why an option is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptionError {
-    /// A number is out of range.
-    #[error("invalid value {value} for --{option}: it must be {range}")]
-    Range {
-        /// Name of the option.
-        option: &'static str,
-        /// Given.
-        value: f64,
-        /// Allowed.
-        range: &'static str,
-    },
-    /// The start position is outside the supervised range.
-    #[error("--start: joint {} at {value} rad is outside ±{limit} rad", joint + 1)]
-    Start {
-        /// Index of the joint.
-        joint: usize,
-        /// Given, rad.
-        value: f64,
-        /// Allowed, rad.
-        limit: f64,
-    },
-    /// The wall is invalid.
-    #[error("--wall: {0}")]
-    Wall(#[from] WallError),
+    /// An option that every simulated arm has.
+    #[error(transparent)]
+    Robot(#[from] RobotOptionError),
     /// The overlay does not fit the control law or the version.
     #[error("--overlay: {0}")]
     Overlay(#[from] OverlayError),
@@ -192,83 +104,23 @@ impl Options {
     /// # Errors
     /// Returns an error for the first option that does not fit.
     pub fn settings(&self) -> Result<Settings, OptionError> {
-        self.check_ranges()?;
         self.check_signals()?;
         self.overlay.check(self.law, self.fri)?;
-        let [perfect, ok, bad] = self.quality.0;
         Ok(Settings {
             version: self.fri,
             arm: self.arm,
             period_ms: self.period_ms,
             multiplier: self.multiplier,
-            start: self.start.0,
             law: self.law,
             overlay: self.overlay,
             impedance: springs(self.law, self.stiffness.as_deref(), self.damping)?,
             motion: self.motion,
             synchronising_answers: self.synchronising,
             selector: self.mode,
-            limits: self.limits()?,
-            acceleration_filter_s: self.acceleration_filter_ms * 1e-3,
-            mirror_tolerance_rad: self.mirror_tolerance,
-            bridged_misses: self.bridge,
-            brake_deceleration: self.brake_deceleration,
-            brake_jerk: self.brake_jerk,
-            bandwidth_rad_s: self.bandwidth,
-            quality: QualityThresholds {
-                perfect,
-                ok,
-                bad,
-                raise_cycles: self.quality_raise_cycles,
-            },
             signals: self.io.clone(),
             loopbacks: self.wire_io.clone(),
-            wall: self.wall.map(wall).transpose()?,
-            load: self.load,
-            seed: self.seed,
-            ..Settings::default()
+            robot: self.robot.settings(self.limits())?,
         })
-    }
-
-    fn check_ranges(&self) -> Result<(), OptionError> {
-        let filter = self.acceleration_filter_ms;
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let above = "finite and above 0";
-        let rows = [
-            (
-                "acceleration-filter-ms",
-                filter,
-                "from 0 to 1000",
-                (0.0..=1000.0).contains(&filter),
-            ),
-            (
-                "mirror-tolerance",
-                self.mirror_tolerance,
-                above,
-                positive(self.mirror_tolerance),
-            ),
-            (
-                "brake-deceleration",
-                self.brake_deceleration,
-                above,
-                positive(self.brake_deceleration),
-            ),
-            (
-                "brake-jerk",
-                self.brake_jerk,
-                above,
-                positive(self.brake_jerk),
-            ),
-            ("bandwidth", self.bandwidth, above, positive(self.bandwidth)),
-        ];
-        match rows.into_iter().find(|row| !row.3) {
-            None => Ok(()),
-            Some((option, value, range, _)) => Err(OptionError::Range {
-                option,
-                value,
-                range,
-            }),
-        }
     }
 
     fn check_signals(&self) -> Result<(), OptionError> {
@@ -299,34 +151,13 @@ impl Options {
         Ok(())
     }
 
-    /// Returns the supervised limits, after checking the start position against them.
-    fn limits(&self) -> Result<SupervisedLimits, OptionError> {
+    fn limits(&self) -> SupervisedLimits {
         let mut limits = self.arm.limits();
         if let Some(NumberList(accelerations)) = self.acceleration_limits {
             limits.acceleration = accelerations.map(f64::to_radians);
         }
-        let start = self.start.0;
-        let outside = |joint: &usize| start[*joint].abs() > limits.position[*joint];
-        match (0..JOINTS).find(outside) {
-            None => Ok(limits),
-            Some(joint) => Err(OptionError::Start {
-                joint,
-                value: start[joint],
-                limit: limits.position[joint],
-            }),
-        }
+        limits
     }
-}
-
-fn wall(numbers: NumberList<8>) -> Result<Wall, WallError> {
-    let [px, py, pz, nx, ny, nz, stiffness, damping] = numbers.0;
-    Wall {
-        point: [px, py, pz],
-        normal: [nx, ny, nz],
-        stiffness,
-        damping,
-    }
-    .checked()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::options::Options;
 use super::statistics::Snapshot;
 use crate::sim::network::Network;
 use crate::sim::requests::{ControlAnswer, TraceRequest};
-use crate::sim::robot_program::{self, Common, Controller};
+use crate::sim::robot_program::{self, Controller};
 use crate::sim::trace::TraceRecord;
 
 pub use crate::sim::robot_program::RunError;
@@ -52,7 +52,7 @@ impl Controller for Cabinet {
     }
 
     fn network(&mut self) -> &mut Network {
-        &mut self.network
+        &mut self.robot.network
     }
 
     fn exchanged(&self) -> Option<&TraceRecord> {
@@ -73,14 +73,6 @@ impl Controller for Cabinet {
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let settings = options.settings();
     let settings = settings.map_err(|error| RunError::Option(error.into()))?;
-    let common = Common {
-        program: "iiwa-sim",
-        driver: options.driver,
-        bind: options.bind,
-        control: options.control.as_deref(),
-        trace: options.trace.as_deref(),
-        priority: options.priority,
-        parent_death: options.parent_death,
-    };
+    let common = options.robot.common("iiwa-sim");
     robot_program::run(Cabinet::new(settings), &common, ready)
 }

@@ -1,18 +1,12 @@
 //! Settings of the simulated cabinet with their defaults.
 //! Plain data; read only by the clock thread.
-//!
-//! KUKA publishes neither thresholds of the connection quality, nor tolerances, nor the number of bridged answers: those
-//! values are **our own**.
 
-use super::Joints;
 use super::robot::ArmKind;
 use super::station::{SignalLoopback, StationSignal};
 use crate::fri_iiwa::wire::{ClientCommandMode, ControlMode, OperationMode, Version};
-use crate::sim::arm::command_stream::{StreamRules, SupervisedLimits};
-use crate::sim::arm::dynamics::FlangeLoad;
-use crate::sim::arm::environment::Wall;
+use crate::sim::arm::command_stream::StreamRules;
 use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings};
-use crate::sim::quality::QualityThresholds;
+use crate::sim::robot_settings::RobotSettings;
 
 /// Longest time between two answers with which commands are executed, ms (KUKA).
 pub const COMMAND_PERIOD_MAX_MS: u32 = 10;
@@ -158,8 +152,6 @@ pub struct Settings {
     pub period_ms: u32,
     /// Receive multiplier.
     pub multiplier: u32,
-    /// Joint positions at the start, rad.
-    pub start: Joints,
     /// Controller of the joints.
     pub law: ControlLaw,
     /// Quantity that the overlay lets the client command.
@@ -168,72 +160,34 @@ pub struct Settings {
     pub impedance: ImpedanceSettings,
     /// When motions start.
     pub motion: MotionStart,
-    /// How long the arm must be at rest before a fault is acknowledged, s.
-    pub acknowledge_after_s: f64,
     /// Answers with which the robot synchronises before it executes commands.
     pub synchronising_answers: u32,
     /// Operating mode at the start.
     pub selector: Selector,
-    /// Supervised limits.
-    pub limits: SupervisedLimits,
-    /// Time constant of the low-pass that the supervised acceleration is taken behind, s.
-    pub acceleration_filter_s: f64,
-    /// Largest difference between the command and the interpolated position while the robot synchronises, rad.
-    pub mirror_tolerance_rad: f64,
-    /// Number of consecutive missed answers that are bridged with the last velocity; one more ends the motion.
-    pub bridged_misses: u32,
-    /// Largest deceleration of a stop, rad/s².
-    pub brake_deceleration: f64,
-    /// Largest jerk of a stop, rad/s³.
-    pub brake_jerk: f64,
-    /// Bandwidth of the simulated position control, rad/s.
-    pub bandwidth_rad_s: f64,
-    /// Thresholds of the quality.
-    pub quality: QualityThresholds,
     /// Inputs and outputs of the station.
     pub signals: Vec<StationSignal>,
     /// Outputs that are looped back to inputs.
     pub loopbacks: Vec<SignalLoopback>,
-    /// Obstacle at the start.
-    pub wall: Option<Wall>,
-    /// Load at the start.
-    pub load: Option<FlangeLoad>,
-    /// Seed of the random numbers for answers that are dropped on request.
-    pub seed: u64,
+    /// What every simulated arm has.
+    pub robot: RobotSettings,
 }
 
 impl Default for Settings {
-    #[expect(
-        clippy::approx_constant,
-        reason = "the start is a pose, given with four digits as on the command line"
-    )]
     fn default() -> Self {
         Self {
             version: Version::V1_14,
             arm: ArmKind::Iiwa7,
             period_ms: 1,
             multiplier: 1,
-            start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
             law: ControlLaw::Position,
             overlay: OverlayMode::Position,
             impedance: ImpedanceSettings::default_for(ControlLaw::Position),
             motion: MotionStart::Auto,
-            acknowledge_after_s: 0.5,
             synchronising_answers: 10,
             selector: Selector::Aut,
-            limits: ArmKind::Iiwa7.limits(),
-            acceleration_filter_s: 0.01,
-            mirror_tolerance_rad: 0.01,
-            bridged_misses: 5,
-            brake_deceleration: 8.0,
-            brake_jerk: 200.0,
-            bandwidth_rad_s: 80.0,
-            quality: QualityThresholds::default(),
             signals: Vec::new(),
             loopbacks: Vec::new(),
-            wall: None,
-            load: None,
-            seed: 1,
+            robot: RobotSettings::within(ArmKind::Iiwa7.limits()),
         }
     }
 }
@@ -248,11 +202,6 @@ impl Settings {
     /// Returns by what the commanded positions are judged, one message after the other.
     #[must_use]
     pub fn stream_rules(&self) -> StreamRules {
-        StreamRules {
-            period_s: self.period_s(),
-            limits: self.limits,
-            scale: 1.0,
-            acceleration_filter_s: self.acceleration_filter_s,
-        }
+        self.robot.stream_rules(self.period_s(), 1.0)
     }
 }

@@ -6,14 +6,9 @@ use super::fault::AnswerRefusal;
 use super::settings::{OverlayMode, Selector};
 use super::station::SignalState;
 use crate::fri_iiwa::wire::WireError;
-use crate::sim::arm::dynamics::FlangeLoad;
-use crate::sim::arm::environment::Wall;
 use crate::sim::arm::impedance::ControlLaw;
-use crate::sim::network::NetworkCounts;
+use crate::sim::robot_snapshot::RobotSnapshot;
 use serde::Serialize;
-
-/// Number of faults in the history.
-pub const FAULTS_KEPT: usize = 16;
 
 /// Datagrams and events since the start or the last `reset_statistics`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
@@ -89,26 +84,12 @@ impl CabinetCounts {
     }
 }
 
-/// A fault in the history.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FaultRecord {
-    /// Tick in which the fault was detected.
-    pub tick: u64,
-    /// Cabinet's time, s.
-    pub time_s: f64,
-    /// Kind of the fault.
-    pub code: i32,
-    /// Description with values.
-    pub reason: String,
-}
-
 /// The whole state at one moment, for the control port.
 #[derive(Clone, Debug, Serialize)]
 pub struct Snapshot {
-    /// Cycles since the start.
-    pub tick: u64,
-    /// Cabinet's time since the start, s.
-    pub time_s: f64,
+    /// What all simulated robots tell.
+    #[serde(flatten)]
+    pub robot: RobotSnapshot,
     /// State of the session: `idle`, `monitoring-wait`, `monitoring-ready`, `commanding-wait`, `commanding-active`.
     pub session: &'static str,
     /// `poor`, `fair`, `good` or `excellent`.
@@ -123,58 +104,10 @@ pub struct Snapshot {
     pub safety: &'static str,
     /// `off`, `transitioning` or `active`.
     pub drives: &'static str,
-    /// Why the session does not advance; null while commands are executed.
-    pub waiting_for: Option<String>,
-    /// The unacknowledged fault.
-    pub fault: Option<String>,
-    /// The last faults, oldest first.
-    pub faults: Vec<FaultRecord>,
-    /// Why the last answer that was not taken was refused.
-    pub last_refusal: Option<String>,
-    /// The drives are active.
-    pub drives_on: bool,
-    /// The emergency stop is pressed.
-    pub emergency_stop: bool,
-    /// Measured joint positions, rad.
-    pub q: Joints,
-    /// Joint velocities, rad/s.
-    pub velocity: Joints,
-    /// Set-point of the joints, rad.
-    pub q_cmd: Joints,
-    /// Largest joint velocities of the arm since the last reset, rad/s.
-    pub velocity_max: Joints,
-    /// Largest joint accelerations of the arm since the last reset, rad/s².
-    pub acceleration_max: Joints,
-    /// Largest velocities of the commanded stream since the last reset or motion, rad/s.
-    pub commanded_velocity_max: Joints,
-    /// Largest accelerations of the commanded stream since the last reset or motion, rad/s².
-    pub commanded_acceleration_max: Joints,
-    /// Neither set-point nor arm moves.
-    pub at_rest: bool,
-    /// Time since the arm came to rest or, if it already rested, since the last fault, s.
-    pub at_rest_for_s: f64,
-    /// Flange in the base frame, m.
-    pub flange_position: [f64; 3],
-    /// Rotation flange → base, row by row.
-    pub flange_rotation: [[f64; 3]; 3],
-    /// Wrench on the flange, N and Nm, base axes, in the order fx fy fz tx ty tz.
-    pub wrench: [f64; 6],
     /// Added by the client: joint torques, Nm, or a wrench in the order fx fy fz tx ty tz; 0 in other overlays.
     pub added: Joints,
-    /// The obstacle.
-    pub wall: Option<Wall>,
-    /// The load at the flange.
-    pub load: Option<FlangeLoad>,
-    /// Share of the last 100 answers that came.
-    pub answer_rate: f64,
-    /// Mean delay of the answers, s.
-    pub latency_s: f64,
-    /// Standard deviation of that delay, s.
-    pub jitter_s: f64,
     /// Counters.
     pub counts: CabinetCounts,
-    /// Counters of the simulated network faults.
-    pub network: NetworkCounts,
     /// Inputs and outputs of the station.
     pub io: Vec<SignalState>,
 }

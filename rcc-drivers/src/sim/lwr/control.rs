@@ -22,10 +22,11 @@ use crate::fri_lwr::wire::{KrlBlock, Quality};
 use crate::sim::arm::dynamics::FlangeLoad;
 use crate::sim::arm::environment::Wall;
 use crate::sim::arm::impedance::ControlLaw;
-use crate::sim::network::{NetworkRates, impossible};
+use crate::sim::network::NetworkRates;
 use crate::sim::requests::{
     ControlAnswer, DriveSwitch, DropRate, InjectedWrench, RequestError, TraceFile,
 };
+use crate::sim::robot_snapshot::RobotSnapshot;
 use serde::Deserialize;
 
 /// A request at the control port.
@@ -111,34 +112,21 @@ impl Krc {
     ) -> Result<ControlAnswer<Snapshot>, ControlError> {
         match command {
             KrcCommand::State => return Ok(ControlAnswer::State(Box::new(self.snapshot()))),
-            KrcCommand::Wrench(wrench) => self.environment.injected = wrench.elements(),
-            KrcCommand::Wall(wall) => {
-                let wall = wall.map(Wall::checked).transpose();
-                self.environment.wall = wall.map_err(RequestError::from)?;
-            }
-            KrcCommand::Load(load) => {
-                let load = load.map(FlangeLoad::checked).transpose();
-                self.environment.load = load.map_err(RequestError::from)?;
-            }
+            KrcCommand::Wrench(wrench) => self.robot.environment.injected = wrench.elements(),
+            KrcCommand::Wall(wall) => self.robot.set_wall(wall)?,
+            KrcCommand::Load(load) => self.robot.set_load(load)?,
             KrcCommand::Estop => self.press_emergency_stop(),
             KrcCommand::Ack if !self.acknowledge() => return Err(RequestError::Moving.into()),
             KrcCommand::Ack => {}
             KrcCommand::Drives(DriveSwitch { on }) => self.switch_drives(on),
-            KrcCommand::FreezeMs(time_ms) => self.withhold(time_ms as f64 * 1e-3),
-            KrcCommand::Drop(rate) => self.drop_answers(rate.checked()?),
-            KrcCommand::Network(rates) => {
-                if let Some(rate) = impossible(&rates) {
-                    return Err(RequestError::Probability(rate).into());
-                }
-                self.network.set(rates);
+            KrcCommand::FreezeMs(time_ms) => {
+                self.robot
+                    .withhold(time_ms as f64 * 1e-3, self.settings.period_s);
             }
+            KrcCommand::Drop(rate) => self.robot.drop_percent = rate.checked()?,
+            KrcCommand::Network(rates) => self.robot.set_network(rates)?,
             KrcCommand::Clear => {
-                self.network.set(NetworkRates::default());
-                self.drop_answers(0.0);
-                self.withhold(0.0);
-                self.environment.injected = [0.0; 6];
-                self.environment.wall = self.settings.wall;
-                self.environment.load = self.settings.load;
+                self.robot.clear(&self.settings.robot);
                 self.switch_drives(true);
                 if !self.acknowledge() {
                     return Err(RequestError::Moving.into());
@@ -169,10 +157,15 @@ impl Krc {
 
     /// Returns the whole state.
     pub fn snapshot(&self) -> Snapshot {
-        let figures = self.quality.figures();
         Snapshot {
-            tick: self.tick,
-            time_s: self.time_s,
+            robot: RobotSnapshot {
+                waiting_for: self.monitor_reason.map(|waiting| waiting.to_string()),
+                fault: self.fault.map(|fault| fault.to_string()),
+                last_refusal: self.last_refusal.map(|refusal| refusal.to_string()),
+                drives_on: self.drives_on(),
+                at_rest: self.is_at_rest(),
+                ..self.robot.snapshot(self.quality.figures())
+            },
             strategy: self.settings.strategy,
             fri_state: if self.in_command_state() {
                 "command"
@@ -185,31 +178,7 @@ impl Krc {
                 Quality::Ok => "ok",
                 Quality::Perfect => "perfect",
             },
-            waiting_for: self.monitor_reason.map(|waiting| waiting.to_string()),
-            fault: self.fault.map(|fault| fault.to_string()),
-            faults: self.faults.clone(),
-            last_refusal: self.last_refusal.map(|refusal| refusal.to_string()),
-            drives_on: self.drives_on(),
-            emergency_stop: self.emergency_stop,
-            q: self.arm.position,
-            velocity: self.arm.velocity,
-            q_cmd: self.desired,
-            velocity_max: self.arm.velocity_max,
-            acceleration_max: self.arm.acceleration_max,
-            commanded_velocity_max: self.last_stream.velocity_max,
-            commanded_acceleration_max: self.last_stream.acceleration_max,
-            at_rest: self.is_at_rest(),
-            at_rest_for_s: self.at_rest_for_s,
-            flange_position: self.geometry.position,
-            flange_rotation: self.geometry.rotation,
-            wrench: self.wrench,
-            wall: self.environment.wall,
-            load: self.environment.load,
-            answer_rate: figures.answered as f64 / crate::sim::quality::WINDOW as f64,
-            latency_s: figures.latency_s,
-            jitter_s: figures.jitter_s,
             counts: self.counts,
-            network: self.network.counts(),
             krl_to_pc: variables(&self.to_pc),
             krl_from_pc: variables(&self.from_pc),
         }
@@ -290,7 +259,7 @@ mod tests {
             )),
             Err(ControlError::Request(RequestError::Wall(WallError::Normal)))
         ));
-        assert!(krc.environment.wall.is_none() && krc.to_pc.booleans == 0);
+        assert!(krc.robot.environment.wall.is_none() && krc.to_pc.booleans == 0);
     }
 
     #[test]

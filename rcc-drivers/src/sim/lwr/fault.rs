@@ -3,6 +3,7 @@
 
 use crate::fri_lwr::wire::{Quality, WireError};
 use crate::sim::arm::command_stream::StreamFault;
+use crate::sim::simulated_robot::Runaway;
 use thiserror::Error;
 
 /// Cause of a stop. Joints are counted from 0 here and from 1 in messages.
@@ -87,20 +88,8 @@ pub enum KrcFault {
         angle: f64,
     },
     /// The arm itself, which yields in impedance control, has left its range or is too fast.
-    #[error(
-        "joint {} {what} {value}, the limit is ±{limit}: the springs and forces that are commanded do not hold the arm",
-        joint + 1
-    )]
-    Runaway {
-        /// Index of the joint.
-        joint: usize,
-        /// Name and unit of the value that is too large.
-        what: &'static str,
-        /// Measured.
-        value: f64,
-        /// Limit.
-        limit: f64,
-    },
+    #[error(transparent)]
+    Runaway(#[from] Runaway),
     /// An added force or torque at the entry into command state.
     #[error(
         "at the entry {value} N or N·m were commanded on top (allowed 1): cmd.addJntTrq not properly initialized"
@@ -158,16 +147,15 @@ impl KrcFault {
             Self::Impedance { .. } => 11,
             Self::Pose { .. } | Self::Rotation | Self::Unreachable { .. } => 12,
             Self::Added { .. } => 13,
-            Self::Runaway { .. } => 14,
+            Self::Runaway(_) => 14,
         }
     }
 
     /// Returns the drives that report an error because of this fault, one bit per drive.
     pub fn drive_bits(&self) -> u16 {
         match *self {
-            Self::Mirror(MirrorError::Joint { joint, .. }) | Self::Runaway { joint, .. } => {
-                1 << joint
-            }
+            Self::Mirror(MirrorError::Joint { joint, .. })
+            | Self::Runaway(Runaway { joint, .. }) => 1 << joint,
             Self::Stream(fault) => 1 << fault.joint(),
             _ => 0,
         }

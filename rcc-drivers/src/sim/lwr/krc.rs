@@ -11,19 +11,14 @@
 //! ([`super::settings::KrlProgram`]).
 
 use super::fault::{DatagramRefusal, KrcFault, MonitorReason};
-use super::model::{LWR_4_PLUS, geometry};
+use super::model::LWR_4_PLUS;
 use super::settings::{KrlLoopback, Settings};
-use super::statistics::{FAULTS_KEPT, FaultRecord, KrcCounts};
+use super::statistics::KrcCounts;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, Quality, flags};
-use crate::sim::arm::command_stream::CommandStream;
-use crate::sim::arm::environment::Environment;
-use crate::sim::arm::impedance::{ControlLaw, ImpedanceControl, ImpedanceSettings};
-use crate::sim::arm::model::Geometry;
-use crate::sim::arm::simulated_arm::SimulatedArm;
-use crate::sim::network::Network;
+use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings};
 use crate::sim::quality::QualityMeter;
-use crate::sim::requests::Chance;
+use crate::sim::simulated_robot::SimulatedRobot;
 use crate::sim::trace::TraceRecord;
 
 mod command_target;
@@ -38,89 +33,46 @@ const CLOSING_CYCLES: u32 = 20;
 #[derive(Clone, Debug)]
 pub struct Krc {
     pub(super) settings: Settings,
-    pub(super) tick: u64,
-    pub(super) time_s: f64,
-    pub(super) drives_wanted: bool,
-    pub(super) emergency_stop: bool,
+    pub(super) robot: SimulatedRobot,
     pub(super) fault: Option<KrcFault>,
     /// Code of the fault that `$FRI_TO_INT[2]` was last set to.
     pub(super) told_fault: i32,
     pub(super) monitor_reason: Option<MonitorReason>,
-    pub(super) faults: Vec<FaultRecord>,
     pub(super) counts: KrcCounts,
     pub(super) last_refusal: Option<DatagramRefusal>,
     pub(super) quality: QualityMeter<Quality>,
-    pub(super) arm: SimulatedArm,
-    /// The commanded impedance, or the values of `$STIFFNESS` while nothing is commanded.
-    pub(super) impedance: ImpedanceSettings,
-    pub(super) environment: Environment,
-    pub(super) geometry: Geometry,
-    pub(super) wrench: [f64; 6],
-    pub(super) at_rest_for_s: f64,
     pub(super) to_pc: KrlBlock,
     pub(super) from_pc: KrlBlock,
-    pub(super) desired: Joints,
-    /// Set-point at which the present step begins, rad.
-    from: Joints,
-    pub(super) last_stream: CommandStream,
     /// Position of the controller's own interpolator, rad, without FRI's offset.
     pub(super) base: Joints,
     motion: SetPointMode,
     pub(super) wants_command: bool,
     answer: Option<(CommandDatagram, f64)>,
     pub(super) last_answer_sequence: Option<u16>,
-    withheld_ticks: u64,
-    drop_percent: f64,
-    pub(super) network: Network,
-    chance: Chance,
     pub(super) closing_cycles: Option<u32>,
-    sent: Option<TraceRecord>,
-    exchanged: Option<TraceRecord>,
 }
 
 impl Krc {
     /// A controller whose KRL program has just opened the interface: monitor state, drives on, arm at rest.
     pub fn new(settings: Settings) -> Self {
-        let (start, period_s) = (settings.start, settings.period_s);
+        let period_s = settings.period_s;
+        let impedance = ImpedanceSettings::default_for(settings.strategy);
         Self {
-            tick: 0,
-            time_s: 0.0,
-            drives_wanted: true,
-            emergency_stop: false,
+            robot: SimulatedRobot::new(&settings.robot, &LWR_4_PLUS, impedance, period_s),
             fault: None,
             told_fault: 0,
             monitor_reason: Some(MonitorReason::Answer),
-            faults: Vec::new(),
             counts: KrcCounts::default(),
             last_refusal: None,
-            quality: QualityMeter::new(settings.quality, period_s),
-            arm: SimulatedArm::new(start, settings.bandwidth_rad_s),
-            impedance: ImpedanceSettings::default_for(settings.strategy),
-            environment: Environment {
-                wall: settings.wall,
-                load: settings.load,
-                injected: [0.0; 6],
-            },
-            geometry: geometry(&start),
-            wrench: [0.0; 6],
-            at_rest_for_s: 0.0,
+            quality: QualityMeter::new(settings.robot.quality, period_s),
             to_pc: KrlBlock::default(),
             from_pc: KrlBlock::default(),
-            desired: start,
-            from: start,
-            last_stream: CommandStream::at_rest(start, period_s),
-            base: start,
+            base: settings.robot.start,
             motion: SetPointMode::Hold,
             wants_command: false,
             answer: None,
             last_answer_sequence: None,
-            withheld_ticks: 0,
-            drop_percent: 0.0,
-            network: Network::new(settings.seed),
-            chance: Chance(settings.seed),
             closing_cycles: None,
-            sent: None,
-            exchanged: None,
             settings,
         }
     }
@@ -140,12 +92,12 @@ impl Krc {
 
     fn take(&mut self, bytes: &[u8], delay_s: f64) -> Result<(), DatagramRefusal> {
         let answer = CommandDatagram::decode(bytes)?;
-        if self.drop_percent > 0.0 && self.chance.draw() * 100.0 < self.drop_percent {
+        if self.robot.drops_answer() {
             self.counts.dropped += 1;
             return Ok(());
         }
         let (want, have) = (self.sequence(), answer.reflected_sequence);
-        if have != want || self.sent.is_none() {
+        if have != want || self.robot.sent.is_none() {
             return Err(DatagramRefusal::Late { want, have });
         }
         // A restarted PC counts from the beginning, which does no harm in monitor state.
@@ -179,50 +131,32 @@ impl Krc {
     /// length of the stall; at most `STALL_PERIODS_MAX` additional periods are simulated.
     pub fn tick(&mut self, periods: u64) -> Option<[u8; MSR_SIZE]> {
         let answer = self.answer.take();
-        if self.sent.is_some() {
+        if self.robot.sent.is_some() {
             self.count(answer.as_ref(), periods);
-            self.exchanged = self.sent.map(|sent| self.pair(sent, answer.as_ref()));
+            self.robot.exchanged = self.robot.sent.map(|sent| self.pair(sent, answer.as_ref()));
         }
         let command = answer.map(|(command, _)| command);
-        self.from = self.desired;
+        self.robot.from = self.robot.desired;
         let passed = self.move_set_point(command.as_ref(), periods);
         let gone_on = self.continue_through_stall(periods.saturating_sub(passed));
         let step_s = (passed + gone_on) as f64 * self.settings.period_s;
-        match self.settings.strategy {
-            ControlLaw::Position => self.arm.follow(&self.from, &self.desired, step_s),
-            strategy => {
-                let control = ImpedanceControl {
-                    law: strategy,
-                    settings: &self.impedance,
-                    model: &LWR_4_PLUS,
-                };
-                let goal = (&self.from, &self.desired);
-                self.arm
-                    .step_impedance(goal, step_s, &control, &self.environment);
-            }
-        }
-        self.geometry = geometry(&self.arm.position);
-        self.wrench = self.environment.wrench(&self.geometry, &self.arm.velocity);
-        self.at_rest_for_s = if self.is_at_rest() {
-            self.at_rest_for_s + step_s
-        } else {
-            0.0
-        };
+        self.robot.step(self.settings.strategy, &LWR_4_PLUS, step_s);
+        self.robot.count_rest(self.is_at_rest(), step_s);
         self.supervise_arm();
         self.run_krl_program(command.as_ref());
-        self.tick += 1 + gone_on;
-        self.time_s += step_s;
+        self.robot.tick += 1 + gone_on;
+        self.robot.time_s += step_s;
         self.next_measurement()
     }
 
     /// Returns the datagrams of the cycle that the last tick has ended.
     pub fn exchanged(&self) -> Option<&TraceRecord> {
-        self.exchanged.as_ref()
+        self.robot.exchanged.as_ref()
     }
 
     /// Returns the sequence number of the last measurement datagram.
     pub fn sequence(&self) -> u16 {
-        self.tick as u16
+        self.robot.tick as u16
     }
 
     /// Returns true if the KRL program has ended.
@@ -237,23 +171,23 @@ impl Krc {
 
     /// Returns true if neither the set-point nor the arm moves.
     pub fn is_at_rest(&self) -> bool {
-        self.arm.is_at_rest() && !matches!(self.motion, SetPointMode::Stop(_))
+        self.robot.arm.is_at_rest() && !matches!(self.motion, SetPointMode::Stop(_))
     }
 
     /// Returns true if the drives are switched on, without a fault or an emergency stop.
     pub fn drives_on(&self) -> bool {
-        self.drives_wanted && self.fault.is_none() && !self.emergency_stop
+        self.robot.drives_wanted && self.fault.is_none() && !self.robot.emergency_stop
     }
 
     /// Presses the emergency stop; `ack` releases it.
     pub(super) fn press_emergency_stop(&mut self) {
-        self.emergency_stop = true;
+        self.robot.emergency_stop = true;
         self.fail(KrcFault::EmergencyStop);
     }
 
     /// Switches the drives on or off.
     pub(super) fn switch_drives(&mut self, on: bool) {
-        self.drives_wanted = on;
+        self.robot.drives_wanted = on;
         if !on && self.in_command_state() {
             self.fail(KrcFault::DrivesOff);
         }
@@ -262,20 +196,10 @@ impl Krc {
     /// If the arm is at rest, releases the emergency stop and acknowledges the fault. Returns whether it is at rest.
     pub(super) fn acknowledge(&mut self) -> bool {
         if self.is_at_rest() {
-            self.emergency_stop = false;
+            self.robot.emergency_stop = false;
             self.fault = None;
         }
         self.is_at_rest()
-    }
-
-    /// Sends nothing for this time, s; the controller continues and misses the answers.
-    pub(super) fn withhold(&mut self, time_s: f64) {
-        self.withheld_ticks = (time_s / self.settings.period_s).round() as u64;
-    }
-
-    /// Drops this share of the answers, percent.
-    pub(super) fn drop_answers(&mut self, percent: f64) {
-        self.drop_percent = percent;
     }
 
     /// Ends the KRL program: it stops the arm and announces its end for some cycles; then [`Krc::is_closed`] is true.
@@ -286,13 +210,9 @@ impl Krc {
     pub(super) fn reset_statistics(&mut self) {
         self.counts = KrcCounts::default();
         self.last_refusal = None;
-        self.faults.clear();
-        self.arm.reset_extremes();
-        self.last_stream.velocity_max = [0.0; JOINTS];
-        self.last_stream.acceleration_max = [0.0; JOINTS];
+        self.robot.reset_statistics();
         if let SetPointMode::Follow(commands) = &mut self.motion {
-            commands.stream.velocity_max = [0.0; JOINTS];
-            commands.stream.acceleration_max = [0.0; JOINTS];
+            commands.stream.reset_extremes();
         }
     }
 
@@ -338,21 +258,13 @@ impl Krc {
     /// The time at rest begins anew, so that a fault of an arm that has rested for long is shown for as long as any
     /// other before the KRL program acknowledges it.
     pub(super) fn fail(&mut self, fault: KrcFault) {
-        self.at_rest_for_s = 0.0;
+        self.robot.at_rest_for_s = 0.0;
         if self.fault.is_none() {
             self.fault = Some(fault);
             self.counts.faults += 1;
-            if self.faults.len() == FAULTS_KEPT {
-                self.faults.remove(0);
-            }
-            self.faults.push(FaultRecord {
-                tick: self.tick,
-                time_s: self.time_s,
-                code: fault.code(),
-                reason: fault.to_string(),
-            });
+            self.robot.remember(fault.code(), fault.to_string());
         }
-        self.impedance = ImpedanceSettings::default_for(self.settings.strategy);
+        self.robot.impedance = ImpedanceSettings::default_for(self.settings.strategy);
         self.close_brakes();
     }
 
@@ -362,57 +274,31 @@ impl Krc {
         if self.settings.strategy == ControlLaw::Position || !self.in_command_state() {
             return;
         }
-        let (limits, scale) = (&self.settings.limits, self.settings.safety_limits);
-        let first = (0..JOINTS).find_map(|joint| {
-            let (at, most) = (self.arm.position[joint], limits.position[joint]);
-            let (rate, fastest) = (self.arm.velocity[joint], limits.velocity[joint] * scale);
-            let rows = [
-                ("is at (rad)", at, most),
-                ("moves with (rad/s)", rate, fastest),
-            ];
-            let beyond = rows
-                .into_iter()
-                .find(|(_, value, limit)| value.abs() > *limit);
-            beyond.map(|(what, value, limit)| KrcFault::Runaway {
-                joint,
-                what,
-                value,
-                limit,
-            })
-        });
-        if let Some(fault) = first {
-            self.fail(fault);
+        let limits = &self.settings.robot.limits;
+        if let Some(runaway) = self.robot.runaway(limits, self.settings.safety_limits) {
+            self.fail(KrcFault::Runaway(runaway));
         }
     }
 
     /// Enters monitor state; a moving set-point is brought to rest.
     pub(super) fn stop(&mut self) {
-        self.impedance = ImpedanceSettings::default_for(self.settings.strategy);
+        self.robot.impedance = ImpedanceSettings::default_for(self.settings.strategy);
         self.brake();
     }
 
     fn next_measurement(&mut self) -> Option<[u8; MSR_SIZE]> {
         if !self.in_command_state() {
             // FRI's offset becomes part of the controller's own position, so that a mirroring PC sees no jump.
-            self.base = self.desired;
+            self.base = self.robot.desired;
         }
         self.write_krl_variables();
         let datagram = self.datagram();
-        self.sent = Some(TraceRecord {
-            tick: self.tick,
-            time_s: self.time_s,
-            sequence: u32::from(datagram.send_sequence),
-            state: datagram.state as u16,
-            quality: datagram.quality as u16,
-            answered: false,
-            measured: self.arm.position,
-            commanded: [f64::NAN; JOINTS],
-            booleans: 0,
-            flange: self.geometry.position,
-            force: [self.wrench[0], self.wrench[1], self.wrench[2]],
-        });
-        if self.withheld_ticks > 0 {
-            self.withheld_ticks -= 1;
+        self.robot.sent = Some(self.robot.trace_record(
+            u32::from(datagram.send_sequence),
+            datagram.state as u16,
+            datagram.quality as u16,
+        ));
+        if self.robot.withholds() {
             self.counts.withheld += 1;
             return None;
         }

@@ -110,10 +110,10 @@ impl Krc {
             return strategy == self.settings.strategy;
         }
         self.settings.strategy = strategy;
-        self.impedance = ImpedanceSettings::default_for(strategy);
-        let here: Joints = self.arm.position;
-        (self.desired, self.base) = (here, here);
-        self.arm.velocity = [0.0; JOINTS];
+        self.robot.impedance = ImpedanceSettings::default_for(strategy);
+        let here: Joints = self.robot.arm.position;
+        (self.robot.desired, self.base) = (here, here);
+        self.robot.arm.velocity = [0.0; JOINTS];
         true
     }
 
@@ -137,10 +137,10 @@ impl Krc {
     }
 
     fn acknowledge_by_program(&mut self, command: Option<&CommandDatagram>) {
-        let rested = self.at_rest_for_s >= self.settings.acknowledge_after_s;
+        let rested = self.robot.at_rest_for_s >= self.settings.robot.acknowledge_after_s;
         let mirrors = command.is_some_and(|command| self.not_mirrored(command).is_none());
         if self.settings.acknowledge == Acknowledge::Auto
-            && !self.emergency_stop
+            && !self.robot.emergency_stop
             && rested
             && mirrors
         {
@@ -152,9 +152,9 @@ impl Krc {
         let (quality, least) = (self.quality.quality(), self.settings.entry_quality.least());
         match command {
             _ if self.closing_cycles.is_some() => Some(MonitorReason::Closing),
-            _ if self.emergency_stop => Some(MonitorReason::EmergencyStop),
+            _ if self.robot.emergency_stop => Some(MonitorReason::EmergencyStop),
             _ if self.fault.is_some() => Some(MonitorReason::Acknowledgement),
-            _ if !self.drives_wanted => Some(MonitorReason::Drives),
+            _ if !self.robot.drives_wanted => Some(MonitorReason::Drives),
             _ if !self.is_at_rest() => Some(MonitorReason::Rest),
             None => Some(MonitorReason::Answer),
             _ if quality < least => Some(MonitorReason::Quality {

@@ -15,12 +15,12 @@ impl Krc {
     /// (constant) are approximations.
     pub(super) fn datagram(&self) -> MeasurementDatagram {
         let figures = self.quality.figures();
-        let (base, desired) = (geometry(&self.base), geometry(&self.desired));
+        let (base, desired) = (geometry(&self.base), geometry(&self.robot.desired));
         let narrow = |values: &Joints| values.map(|value| value as f32);
-        let external = self.geometry.joint_torque(&self.wrench);
-        let gravity = gravity_torque(&LWR_4_PLUS, &self.arm.position);
-        let masses = mass_matrix(&LWR_4_PLUS, &self.arm.position);
-        let friction = friction_torque(&LWR_4_PLUS, &self.arm.velocity);
+        let external = self.robot.geometry.joint_torque(&self.robot.wrench);
+        let gravity = gravity_torque(&LWR_4_PLUS, &self.robot.arm.position);
+        let masses = mass_matrix(&LWR_4_PLUS, &self.robot.arm.position);
+        let friction = friction_torque(&LWR_4_PLUS, &self.robot.arm.velocity);
         let measured: Joints =
             std::array::from_fn(|joint| external[joint] + gravity[joint] + friction[joint]);
         let answered = figures.answered as f32 / WINDOW as f32;
@@ -28,7 +28,7 @@ impl Krc {
             send_sequence: self.sequence(),
             reflected_sequence: self.last_answer_sequence.unwrap_or(0),
             krl: self.to_pc,
-            timestamp: self.time_s as f32,
+            timestamp: self.robot.time_s as f32,
             state: if self.in_command_state() {
                 SessionState::Command
             } else {
@@ -52,18 +52,18 @@ impl Krc {
             error: self.fault.map_or(0, |fault| fault.drive_bits()),
             warning: 0,
             temperature: [30.0; JOINTS],
-            measured_position: narrow(&self.arm.position),
-            measured_pose: self.geometry.pose(),
+            measured_position: narrow(&self.robot.arm.position),
+            measured_pose: self.robot.geometry.pose(),
             commanded_position: narrow(&self.base),
             commanded_position_offset: std::array::from_fn(|i| {
-                (self.desired[i] - self.base[i]) as f32
+                (self.robot.desired[i] - self.base[i]) as f32
             }),
             commanded_pose: base.pose(),
             commanded_pose_offset: desired.offset_from(&base),
             measured_torque: narrow(&measured),
             external_torque: narrow(&external),
-            external_tcp_wrench: wire_wrench(&self.wrench),
-            jacobian: self.geometry.wire_jacobian(),
+            external_tcp_wrench: wire_wrench(&self.robot.wrench),
+            jacobian: self.robot.geometry.wire_jacobian(),
             mass_matrix: std::array::from_fn(|i| masses[i / JOINTS][i % JOINTS] as f32),
             gravity: narrow(&gravity),
         }

@@ -4,31 +4,19 @@
 use super::settings::{Acknowledge, EntryQuality, KrlLoopback, KrlProgram, Settings};
 use super::{JOINTS, Joints};
 use crate::sim::arm::command_stream::SupervisedLimits;
-use crate::sim::arm::dynamics::FlangeLoad;
-use crate::sim::arm::environment::{Wall, WallError};
 use crate::sim::arm::impedance::ControlLaw;
-use crate::sim::control_socket;
 use crate::sim::number_list::NumberList;
-use crate::sim::quality::QualityThresholds;
+use crate::sim::robot_options::{RobotOptionError, RobotOptions, check_ranges};
 use clap::Parser;
-use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::str::FromStr;
 
 /// A simulated controller (KRC) of a KUKA LWR 4+: speaks FRI 1.0 over UDP, sends first, and moves a simulated arm.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "lwr-sim", version = rcc_protocol::version::version())]
 pub struct Options {
-    /// Address where the PC (the driver) listens; datagrams from elsewhere are ignored
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pub driver: SocketAddr,
-    /// Address to send from; port 0 lets the system choose
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
-    pub bind: SocketAddr,
-    /// Unix socket of the control port (one JSON object per line), for programs of the same user and of root, in a
-    /// folder that only they can write to; files that requests name must be below that folder. Default: no control port
-    #[arg(long, value_name = "SOCKET", value_parser = control_socket::path)]
-    pub control: Option<PathBuf>,
+    /// What every simulated arm has.
+    #[command(flatten)]
+    pub robot: RobotOptions,
     /// Period of both directions, ms (KUKA: 1 to 100)
     #[arg(long, value_name = "MS", default_value_t = 1.0)]
     pub period_ms: f64,
@@ -49,14 +37,6 @@ pub struct Options {
     /// control port (the 0.5 s are our own value)
     #[arg(long, value_enum, default_value = "auto")]
     pub ack: Acknowledge,
-    /// Joint positions at the start, rad
-    #[arg(
-        long,
-        value_name = "Q1,…,Q7",
-        default_value = "0,0.5236,0,-1.5708,0,1.0472,0",
-        allow_hyphen_values = true
-    )]
-    pub start: NumberList<JOINTS>,
     /// Supervised positions, ±degrees (values that users read from a controller's files)
     #[arg(
         long,
@@ -81,56 +61,12 @@ pub struct Options {
     /// Factor on the supervised velocities and accelerations, above 0 up to 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub safety_limits: f64,
-    /// Time constant of the low-pass behind which the acceleration is supervised, ms; 0 judges the second difference, so
-    /// that KUKA's own samples are refused at 1 and 2 ms (our own rule and value: KUKA publishes none)
-    #[arg(long, value_name = "MS", default_value_t = 10.0)]
-    pub acceleration_filter_ms: f64,
-    /// Largest difference to the mirrored position when command mode begins, rad (our own value)
-    #[arg(long, value_name = "RAD", default_value_t = 0.01)]
-    pub mirror_tolerance: f64,
-    /// Consecutive missed answers that are bridged; one more stops the arm (our own value)
-    #[arg(long, value_name = "COUNT", default_value_t = 5)]
-    pub bridge: u32,
-    /// Largest deceleration of a stop, rad/s² (our own value)
-    #[arg(long, value_name = "RAD/S²", default_value_t = 8.0)]
-    pub brake_deceleration: f64,
-    /// Largest jerk of a stop, rad/s³ (our own value)
-    #[arg(long, value_name = "RAD/S³", default_value_t = 200.0)]
-    pub brake_jerk: f64,
-    /// Bandwidth of the simulated position control, rad/s: the arm lags 2 v / bandwidth behind (our own value)
-    #[arg(long, value_name = "RAD/S", default_value_t = 80.0)]
-    pub bandwidth: f64,
-    /// Smallest answered share of the last 100 cycles for PERFECT, OK and BAD (our own values)
-    #[arg(long, value_name = "PERFECT,OK,BAD", default_value = "0.99,0.95,0.8")]
-    pub quality: NumberList<3>,
-    /// Cycles for which a better quality must last before it takes effect (our own value)
-    #[arg(long, value_name = "COUNT", default_value_t = 50)]
-    pub quality_raise_cycles: u32,
     /// Loops `$FRI_FRM_BOOL[FROM]` back to `$FRI_TO_BOOL[TO]`
     #[arg(long, value_name = "FROM=TO")]
     pub wire_bool: Vec<KrlLoopback>,
     /// Loops `$FRI_FRM_REA[FROM]` back to `$FRI_TO_REA[TO]`
     #[arg(long, value_name = "FROM=TO")]
     pub wire_real: Vec<KrlLoopback>,
-    /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
-    #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ,K,D", allow_hyphen_values = true)]
-    pub wall: Option<NumberList<8>>,
-    /// A load at the flange that the controller does not know about: its mass (kg), and its centre in the flange frame
-    /// (m)
-    #[arg(long, value_name = "KG[,X,Y,Z]", allow_hyphen_values = true)]
-    pub load: Option<FlangeLoad>,
-    /// Appends every exchanged pair of datagrams to this file as comma-separated values
-    #[arg(long, value_name = "FILE")]
-    pub trace: Option<PathBuf>,
-    /// Seed of the random numbers for answers that are dropped on request
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// SCHED_FIFO priority of the clock thread, if the system permits it: a real controller is punctual
-    #[arg(long, value_name = "1..99", value_parser = clap::value_parser!(u8).range(1..=99))]
-    pub priority: Option<u8>,
-    /// Ends when the thread that started it ends
-    #[arg(long)]
-    pub parent_death: bool,
 }
 
 /// Why an option is refused.
@@ -139,29 +75,9 @@ pub enum OptionError {
     /// An invalid loopback.
     #[error("invalid loopback `{0}`: write FROM=TO with numbers from 1 to 16")]
     Wire(String),
-    /// A number is out of range.
-    #[error("invalid value {value} for --{option}: it must be {range}")]
-    Range {
-        /// Name of the option.
-        option: &'static str,
-        /// Given.
-        value: f64,
-        /// Allowed.
-        range: &'static str,
-    },
-    /// The start position is outside the supervised range.
-    #[error("--start: joint {} at {value} rad is outside ±{limit} rad", joint + 1)]
-    Start {
-        /// Index of the joint.
-        joint: usize,
-        /// Given, rad.
-        value: f64,
-        /// Allowed, rad.
-        limit: f64,
-    },
-    /// The wall is invalid.
-    #[error("--wall: {0}")]
-    Wall(#[from] WallError),
+    /// An option that every simulated arm has.
+    #[error(transparent)]
+    Robot(#[from] RobotOptionError),
 }
 
 impl FromStr for KrlLoopback {
@@ -191,116 +107,42 @@ impl Options {
     /// # Errors
     /// Returns an error for the first number that is out of range.
     pub fn settings(&self) -> Result<Settings, OptionError> {
-        self.check_ranges()?;
-        let [perfect, ok, bad] = self.quality.0;
+        let (period, safety) = (self.period_ms, self.safety_limits);
+        check_ranges([
+            (
+                "period-ms",
+                period,
+                "from 1 to 100",
+                (1.0..=100.0).contains(&period),
+            ),
+            (
+                "safety-limits",
+                safety,
+                "above 0 and at most 1",
+                safety > 0.0 && safety <= 1.0,
+            ),
+        ])?;
         Ok(Settings {
-            period_s: self.period_ms * 1e-3,
-            start: self.start.0,
+            period_s: period * 1e-3,
             script: self.krl,
             entry_quality: self.entry_quality,
             strategy: self.strategy,
             acknowledge: self.ack,
-            limits: self.limits()?,
-            safety_limits: self.safety_limits,
-            acceleration_filter_s: self.acceleration_filter_ms * 1e-3,
-            mirror_tolerance_rad: self.mirror_tolerance,
-            bridged_misses: self.bridge,
-            brake_deceleration: self.brake_deceleration,
-            brake_jerk: self.brake_jerk,
-            bandwidth_rad_s: self.bandwidth,
-            quality: QualityThresholds {
-                perfect,
-                ok,
-                bad,
-                raise_cycles: self.quality_raise_cycles,
-            },
+            safety_limits: safety,
             boolean_wires: self.wire_bool.clone(),
             real_wires: self.wire_real.clone(),
-            wall: self.wall.map(wall).transpose()?,
-            load: self.load,
-            seed: self.seed,
-            ..Settings::default()
+            robot: self.robot.settings(self.limits())?,
         })
     }
 
-    fn check_ranges(&self) -> Result<(), OptionError> {
-        let range = |option, value: f64, range, inside: bool| {
-            if inside {
-                Ok(())
-            } else {
-                Err(OptionError::Range {
-                    option,
-                    value,
-                    range,
-                })
-            }
-        };
-        range(
-            "period-ms",
-            self.period_ms,
-            "from 1 to 100",
-            (1.0..=100.0).contains(&self.period_ms),
-        )?;
-        let safety = self.safety_limits;
-        range(
-            "safety-limits",
-            safety,
-            "above 0 and at most 1",
-            safety > 0.0 && safety <= 1.0,
-        )?;
-        range(
-            "acceleration-filter-ms",
-            self.acceleration_filter_ms,
-            "from 0 to 1000",
-            (0.0..=1000.0).contains(&self.acceleration_filter_ms),
-        )?;
-        for (option, value) in [
-            ("mirror-tolerance", self.mirror_tolerance),
-            ("brake-deceleration", self.brake_deceleration),
-            ("brake-jerk", self.brake_jerk),
-            ("bandwidth", self.bandwidth),
-        ] {
-            range(
-                option,
-                value,
-                "finite and above 0",
-                value.is_finite() && value > 0.0,
-            )?;
-        }
-        Ok(())
-    }
-
-    /// Returns the supervised limits, after checking the start position against them.
-    fn limits(&self) -> Result<SupervisedLimits, OptionError> {
+    fn limits(&self) -> SupervisedLimits {
         let radians = |numbers: &NumberList<JOINTS>| -> Joints { numbers.0.map(f64::to_radians) };
-        let limits = SupervisedLimits {
+        SupervisedLimits {
             position: radians(&self.position_limits),
             velocity: radians(&self.velocity_limits),
             acceleration: radians(&self.acceleration_limits),
-        };
-        let start = self.start.0;
-        if let Some(joint) = (0..JOINTS).find(|&joint| start[joint].abs() > limits.position[joint])
-        {
-            return Err(OptionError::Start {
-                joint,
-                value: start[joint],
-                limit: limits.position[joint],
-            });
         }
-        Ok(limits)
     }
-}
-
-fn wall(
-    NumberList([px, py, pz, nx, ny, nz, stiffness, damping]): NumberList<8>,
-) -> Result<Wall, WallError> {
-    Wall {
-        point: [px, py, pz],
-        normal: [nx, ny, nz],
-        stiffness,
-        damping,
-    }
-    .checked()
 }
 
 #[cfg(test)]

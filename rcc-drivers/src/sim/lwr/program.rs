@@ -9,7 +9,7 @@ use super::statistics::Snapshot;
 use crate::fri_lwr::wire::MSR_SIZE;
 use crate::sim::network::Network;
 use crate::sim::requests::{ControlAnswer, TraceRequest};
-use crate::sim::robot_program::{self, Common, Controller};
+use crate::sim::robot_program::{self, Controller};
 use crate::sim::trace::TraceRecord;
 
 pub use crate::sim::robot_program::RunError;
@@ -50,7 +50,7 @@ impl Controller for Krc {
     }
 
     fn network(&mut self) -> &mut Network {
-        &mut self.network
+        &mut self.robot.network
     }
 
     fn exchanged(&self) -> Option<&TraceRecord> {
@@ -71,14 +71,6 @@ impl Controller for Krc {
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let settings = options.settings();
     let settings = settings.map_err(|error| RunError::Option(error.into()))?;
-    let common = Common {
-        program: "lwr-sim",
-        driver: options.driver,
-        bind: options.bind,
-        control: options.control.as_deref(),
-        trace: options.trace.as_deref(),
-        priority: options.priority,
-        parent_death: options.parent_death,
-    };
+    let common = options.robot.common("lwr-sim");
     robot_program::run(Krc::new(settings), &common, ready)
 }

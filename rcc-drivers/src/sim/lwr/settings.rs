@@ -1,16 +1,13 @@
 //! Settings of the simulated controller with their defaults.
 //! Plain data; read only by the clock thread.
 //!
-//! KUKA publishes neither thresholds of the connection quality, nor tolerances, nor the number of bridged answers:
-//! those values are **our own**. The supervised limits are values that users have read from a controller's files.
+//! The supervised limits are values that users have read from a controller's files.
 
 use super::Joints;
 use crate::fri_lwr::wire::Quality;
 use crate::sim::arm::command_stream::{StreamRules, SupervisedLimits};
-use crate::sim::arm::dynamics::FlangeLoad;
-use crate::sim::arm::environment::Wall;
 use crate::sim::arm::impedance::ControlLaw;
-use crate::sim::quality::QualityThresholds;
+use crate::sim::robot_settings::RobotSettings;
 
 /// How the KRL program of the simulated controller enters and leaves command mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -83,8 +80,6 @@ pub struct KrlLoopback {
 pub struct Settings {
     /// Period of both directions, s.
     pub period_s: f64,
-    /// Joint positions at the start, rad.
-    pub start: Joints,
     /// Convention of the KRL program.
     pub script: KrlProgram,
     /// Quality that it waits for.
@@ -94,69 +89,28 @@ pub struct Settings {
     pub strategy: ControlLaw,
     /// Who acknowledges a fault.
     pub acknowledge: Acknowledge,
-    /// How long the arm must be at rest before the KRL program acknowledges, s. The default is our own.
-    pub acknowledge_after_s: f64,
-    /// Supervised limits before scaling.
-    pub limits: SupervisedLimits,
     /// Factor on velocity and acceleration limits (argument of `friStart`), 0 to 1.
     pub safety_limits: f64,
-    /// Time constant of the low-pass that the supervised acceleration is taken behind, s; 0: the second difference of the
-    /// commanded positions. The rule and the default are our own.
-    pub acceleration_filter_s: f64,
-    /// Largest difference between the command and the controller's own position at the entry, rad. The default is our
-    /// own.
-    pub mirror_tolerance_rad: f64,
-    /// Number of consecutive missed answers that are bridged with the last velocity; one more stops the arm. The
-    /// default is our own.
-    pub bridged_misses: u32,
-    /// Largest deceleration of a stop, rad/s². The default is our own.
-    pub brake_deceleration: f64,
-    /// Largest jerk of a stop, rad/s³. The default is our own.
-    pub brake_jerk: f64,
-    /// Bandwidth of the simulated position control, rad/s. The default is our own.
-    pub bandwidth_rad_s: f64,
-    /// Thresholds of the quality.
-    pub quality: QualityThresholds,
     /// Booleans that are looped back.
     pub boolean_wires: Vec<KrlLoopback>,
     /// Reals that are looped back.
     pub real_wires: Vec<KrlLoopback>,
-    /// Obstacle at the start.
-    pub wall: Option<Wall>,
-    /// Load at the start.
-    pub load: Option<FlangeLoad>,
-    /// Seed of the random numbers for answers that are dropped on request.
-    pub seed: u64,
+    /// What every simulated arm has.
+    pub robot: RobotSettings,
 }
 
 impl Default for Settings {
-    #[expect(
-        clippy::approx_constant,
-        reason = "the start is a pose, given with four digits as on the command line"
-    )]
     fn default() -> Self {
         Self {
             period_s: 0.001,
-            start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
             script: KrlProgram::FirstApp,
             entry_quality: EntryQuality::Ok,
             strategy: ControlLaw::Position,
             acknowledge: Acknowledge::Auto,
-            acknowledge_after_s: 0.5,
-            limits: supervised_limits(),
             safety_limits: 1.0,
-            acceleration_filter_s: 0.01,
-            mirror_tolerance_rad: 0.01,
-            bridged_misses: 5,
-            brake_deceleration: 8.0,
-            brake_jerk: 200.0,
-            bandwidth_rad_s: 80.0,
-            quality: QualityThresholds::default(),
             boolean_wires: Vec::new(),
             real_wires: Vec::new(),
-            wall: None,
-            load: None,
-            seed: 1,
+            robot: RobotSettings::within(supervised_limits()),
         }
     }
 }
@@ -164,11 +118,6 @@ impl Default for Settings {
 impl Settings {
     /// Returns by what the commanded positions are judged.
     pub fn stream_rules(&self) -> StreamRules {
-        StreamRules {
-            period_s: self.period_s,
-            limits: self.limits,
-            scale: self.safety_limits,
-            acceleration_filter_s: self.acceleration_filter_s,
-        }
+        self.robot.stream_rules(self.period_s, self.safety_limits)
     }
 }

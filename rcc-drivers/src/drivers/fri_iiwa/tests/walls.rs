@@ -114,7 +114,7 @@ impl IiwaFixture {
 
     /// Presses the arm for 3 s into a wall whose normal is `axis` of the cabinet's base.
     fn press(&mut self, axis: usize, strategy: ControlMode, stiffness: f64) {
-        let wall = wall_behind(self.cabinet.snapshot().flange_position, axis);
+        let wall = wall_behind(self.cabinet.snapshot().robot.flange_position, axis);
         self.cabinet.execute(wall).expect("a wall");
         let mut impedance = Impedance {
             strategy: strategy as u64,
@@ -138,7 +138,7 @@ impl IiwaFixture {
             ..SetPoint::NONE
         };
         (0..3000).for_each(|_| self.cycle(entry));
-        let faults = self.cabinet.snapshot().faults;
+        let faults = self.cabinet.snapshot().robot.faults;
         assert!(faults.is_empty(), "{faults:?}");
         assert_eq!(self.state(), DeviceState::Commanded);
     }

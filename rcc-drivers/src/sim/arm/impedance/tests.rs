@@ -10,7 +10,7 @@ const CARTESIAN: ControlLaw = ControlLaw::CartesianImpedance;
 const JOINT: ControlLaw = ControlLaw::JointImpedance;
 
 fn start() -> Joints {
-    Settings::default().start
+    Settings::default().robot.start
 }
 
 fn control(law: ControlLaw, settings: &ImpedanceSettings) -> ImpedanceControl<'_> {

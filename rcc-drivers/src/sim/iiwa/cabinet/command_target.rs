@@ -31,7 +31,7 @@ impl Cabinet {
             };
         }
         let position = seven("jointPosition", data(command).position.as_ref())?;
-        let tolerance = self.settings.mirror_tolerance_rad;
+        let tolerance = self.settings.robot.mirror_tolerance_rad;
         for (joint, (value, own)) in position.into_iter().zip(self.interpolated).enumerate() {
             let distance = (value - own).abs();
             if distance.is_nan() || distance > tolerance {
@@ -119,12 +119,12 @@ impl Cabinet {
                 finite(field, &wrench)?;
                 // KUKA's order is x y z A B C, where A turns about z; the axes are those of the motion centre.
                 let [x, y, z, a, b, c] = wrench;
-                let rotation = &self.geometry.rotation;
+                let rotation = &self.robot.geometry.rotation;
                 let turned = |v: [f64; 3]| -> [f64; 3] {
                     std::array::from_fn(|row| (0..3).map(|i| rotation[row][i] * v[i]).sum())
                 };
                 let ([fx, fy, fz], [tx, ty, tz]) = (turned([x, y, z]), turned([c, b, a]));
-                let torques = self.geometry.joint_torque(&[fx, fy, fz, tx, ty, tz]);
+                let torques = self.robot.geometry.joint_torque(&[fx, fy, fz, tx, ty, tz]);
                 self.check_torques(&torques)?;
                 Ok([fx, fy, fz, tx, ty, tz, 0.0])
             }

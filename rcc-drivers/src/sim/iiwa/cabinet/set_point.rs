@@ -78,9 +78,9 @@ impl Cabinet {
         match self.motion {
             Motion::Hold => periods,
             Motion::Stop(mut brake) => {
-                self.desired = brake.advance(periods as f64 * self.settings.period_s());
+                self.robot.desired = brake.advance(periods as f64 * self.settings.period_s());
                 self.motion = Motion::Stop(brake);
-                if brake.is_at_rest() && (self.arm.is_at_rest() || !self.yields()) {
+                if brake.is_at_rest() && (self.robot.arm.is_at_rest() || !self.yields()) {
                     self.hold_here();
                 }
                 periods
@@ -108,8 +108,8 @@ impl Cabinet {
     /// Ends a stop: the arm is held where it is, in position control.
     fn hold_here(&mut self) {
         if self.yields() {
-            self.desired = self.arm.position;
-            self.arm.velocity = [0.0; JOINTS];
+            self.robot.desired = self.robot.arm.position;
+            self.robot.arm.velocity = [0.0; JOINTS];
         }
         self.motion = Motion::Hold;
     }
@@ -135,10 +135,11 @@ impl Cabinet {
         }
         self.motion = Motion::Synchronise(progress);
         if progress.answers >= self.settings.synchronising_answers {
-            self.last_stream = CommandStream::at_rest(self.desired, self.settings.period_s());
+            self.robot.last_stream =
+                CommandStream::at_rest(self.robot.desired, self.settings.period_s());
             self.counts.entries += 1;
             self.motion = Motion::Follow(FollowedCommands {
-                stream: self.last_stream,
+                stream: self.robot.last_stream,
                 ticks_left: 0,
                 mirror_checked: false,
                 missed_in_a_row: 0,
@@ -149,7 +150,7 @@ impl Cabinet {
 
     fn check_misses(&mut self, misses: u32) -> Result<(), CabinetFault> {
         self.counts.missed_in_a_row_max = self.counts.missed_in_a_row_max.max(misses);
-        match misses > self.settings.bridged_misses {
+        match misses > self.settings.robot.bridged_misses {
             true => Err(CabinetFault::Lost { misses }),
             false => Ok(()),
         }
@@ -172,7 +173,7 @@ impl Cabinet {
                     .stream
                     .accept(&target, &self.settings.stream_rules())?;
                 self.check_speed(&target, &commands.stream.velocity())?;
-                self.impedance.added = added;
+                self.robot.impedance.added = added;
                 commands.ticks_left = self.settings.multiplier;
                 commands.mirror_checked = true;
                 commands.missed_in_a_row = 0;
@@ -187,7 +188,7 @@ impl Cabinet {
             }
         }
         self.advance(&mut commands);
-        self.last_stream = commands.stream;
+        self.robot.last_stream = commands.stream;
         self.motion = Motion::Follow(commands);
         Ok(())
     }
@@ -196,7 +197,7 @@ impl Cabinet {
     fn advance(&mut self, commands: &mut FollowedCommands) {
         let (velocity, period_s) = (commands.stream.velocity(), self.settings.period_s());
         let (target, left) = (commands.target(), f64::from(commands.ticks_left));
-        for (joint, desired) in self.desired.iter_mut().enumerate() {
+        for (joint, desired) in self.robot.desired.iter_mut().enumerate() {
             *desired = match commands.ticks_left {
                 0 => *desired + velocity[joint] * period_s,
                 1 => target[joint],
@@ -217,15 +218,15 @@ impl Cabinet {
             commands.stream.extrapolate(self.settings.period_s());
             self.advance(&mut commands);
         }
-        self.last_stream = commands.stream;
+        self.robot.last_stream = commands.stream;
         self.motion = Motion::Follow(commands);
         periods
     }
 
     /// Starts a position hold with an overlay where the arm is held.
     pub(in crate::sim::iiwa) fn start_motion(&mut self) {
-        self.interpolated = self.desired;
-        self.impedance = self.settings.impedance;
+        self.interpolated = self.robot.desired;
+        self.robot.impedance = self.settings.impedance;
         self.motion = Motion::Synchronise(Synchronisation::default());
     }
 
@@ -233,22 +234,28 @@ impl Cabinet {
     /// springs pull it.
     pub(super) fn end_motion(&mut self) {
         let brake = |position, velocity| {
-            let (deceleration, jerk) = (self.settings.brake_deceleration, self.settings.brake_jerk);
+            let (deceleration, jerk) = (
+                self.settings.robot.brake_deceleration,
+                self.settings.robot.brake_jerk,
+            );
             Motion::Stop(StopRamp::new(position, velocity, deceleration, jerk))
         };
         let yields = self.yields();
         let stopping = match self.motion {
             Motion::Synchronise(_) if !yields => Motion::Hold,
-            Motion::Follow(commands) if !yields => brake(self.desired, commands.stream.velocity()),
+            Motion::Follow(commands) if !yields => {
+                brake(self.robot.desired, commands.stream.velocity())
+            }
             Motion::Synchronise(_) | Motion::Follow(_) => {
-                brake(self.arm.position, self.arm.velocity)
+                brake(self.robot.arm.position, self.robot.arm.velocity)
             }
             motion => motion,
         };
         if yields && self.has_motion() {
-            (self.desired, self.from) = (self.arm.position, self.arm.position);
+            (self.robot.desired, self.robot.from) =
+                (self.robot.arm.position, self.robot.arm.position);
         }
-        self.impedance.added = [0.0; JOINTS];
+        self.robot.impedance.added = [0.0; JOINTS];
         self.motion = stopping;
     }
 }

@@ -44,7 +44,7 @@ variants!(FAULTS, fault_name, CabinetFault:
     CabinetFault::Rotation(_),
     CabinetFault::Unreachable { .. },
     CabinetFault::Torque { .. },
-    CabinetFault::Runaway { .. },
+    CabinetFault::Runaway(_),
     CabinetFault::ReducedSpeed(_),
     CabinetFault::Safety(_),
     CabinetFault::DrivesOff,
@@ -185,10 +185,8 @@ fn every_fault_is_provoked_and_told() {
     let of = |overlay| settings(Version::V2_5, overlay);
     let mut limp = of(Torque);
     limp.impedance.stiffness = [0.0; JOINTS];
-    let patient = Settings {
-        bridged_misses: 50,
-        ..at.clone()
-    };
+    let mut patient = at.clone();
+    patient.robot.bridged_misses = 50;
     let slow = Settings {
         selector: Selector::T1,
         ..at.clone()
@@ -242,7 +240,7 @@ fn every_fault_is_provoked_and_told() {
             }
         }),
         (slow, |client| {
-            let (mut at, mut speed) = (client.cabinet.settings.start, 0.0_f64);
+            let (mut at, mut speed) = (client.cabinet.settings.robot.start, 0.0_f64);
             while client.fault_code().is_none() {
                 assert!(client.cabinet.sequence() < 4000);
                 speed = (speed + 4e-6).min(8e-4);
@@ -263,7 +261,7 @@ fn every_fault_is_provoked_and_told() {
         let fault = client.cabinet.fault.expect("a fault");
         seen.insert(fault_name(&fault));
         assert!(!client.cabinet.is_commanded(), "{fault}");
-        let told = client.cabinet.snapshot().faults;
+        let told = client.cabinet.snapshot().robot.faults;
         assert_eq!(told.last().map(|told| told.code), Some(fault.code()));
     }
     assert_eq!(seen, all(FAULTS));
@@ -290,7 +288,7 @@ const STOP: &str = r#"{"stop_motion":null}"#;
 /// Clients that together have been everywhere.
 fn visitors() -> Vec<Client> {
     let mut through = Client::commanding(position(Version::V2_7));
-    for _ in 0..=through.cabinet.settings.bridged_misses {
+    for _ in 0..=through.cabinet.settings.robot.bridged_misses {
         through.next();
     }
     through.run(700, |_| {});
@@ -349,7 +347,7 @@ fn visitors() -> Vec<Client> {
 /// A client that was moving when the cabinet's network lost it, and that mirrors while the arm comes to rest.
 fn moved() -> Client {
     let mut client = Client::commanding(position(Version::V2_7));
-    let (mut at, mut speed) = (client.cabinet.settings.start, 0.0_f64);
+    let (mut at, mut speed) = (client.cabinet.settings.robot.start, 0.0_f64);
     for _ in 0..300 {
         speed = (speed + 4e-6).min(4e-4);
         at[0] += speed;

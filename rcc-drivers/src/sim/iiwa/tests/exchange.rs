@@ -13,7 +13,7 @@ fn every_state_is_visited_upwards_and_downwards_in_every_version() {
         let mut client = Client::commanding(position(version));
         client.run(20, |_| {});
         // A missing answer too many, and the application begins again.
-        for _ in 0..=client.cabinet.settings.bridged_misses {
+        for _ in 0..=client.cabinet.settings.robot.bridged_misses {
             client.next();
         }
         client.run(700, |_| {});
@@ -72,7 +72,7 @@ fn quality_falls_at_once_and_rises_after_it_has_held() {
     client.run(80, |_| {});
     assert_eq!(client.session(), SessionState::MonitoringReady);
     assert_eq!(
-        client.cabinet.snapshot().waiting_for.as_deref(),
+        client.cabinet.snapshot().robot.waiting_for.as_deref(),
         Some("the application has not started a motion: send `start_motion`")
     );
     client.ask(r#"{"start_motion":null}"#);
@@ -82,10 +82,9 @@ fn quality_falls_at_once_and_rises_after_it_has_held() {
 
 #[test]
 fn bad_quality_ends_a_motion() {
-    let mut client = Client::commanding(Settings {
-        bridged_misses: 50,
-        ..position(Version::V1_14)
-    });
+    let mut patient = position(Version::V1_14);
+    patient.robot.bridged_misses = 50;
+    let mut client = Client::commanding(patient);
     (0..8).for_each(|_| client.next());
     assert_eq!(client.fault_code(), Some(2), "{:?}", client.cabinet.fault);
     assert_eq!(client.session(), SessionState::MonitoringWait);
@@ -110,7 +109,12 @@ fn commanding_needs_an_answer_every_ten_milliseconds() {
         });
         client.run(300 * multiplier, |_| {});
         assert_eq!(client.session(), SessionState::MonitoringReady);
-        let waiting = client.cabinet.snapshot().waiting_for.expect("a reason");
+        let waiting = client
+            .cabinet
+            .snapshot()
+            .robot
+            .waiting_for
+            .expect("a reason");
         assert!(waiting.contains("10 ms at most"), "{waiting}");
     }
 }

@@ -27,8 +27,8 @@ fn every_overlay_of_every_version_is_entered_and_held() {
         let mut client = Client::commanding(settings(version, overlay));
         client.run(300, |_| {});
         assert!(client.cabinet.is_commanded(), "{version:?} {overlay:?}");
-        let start = client.cabinet.settings.start;
-        for (now, start) in client.cabinet.arm.position.into_iter().zip(start) {
+        let start = client.cabinet.settings.robot.start;
+        for (now, start) in client.cabinet.robot.arm.position.into_iter().zip(start) {
             assert!((now - start).abs() < 1e-7, "{version:?} {overlay:?}");
         }
         let own = client
@@ -48,7 +48,7 @@ fn every_overlay_of_every_version_is_entered_and_held() {
 #[test]
 fn the_interpolated_position_stays_where_the_motion_began() {
     let mut client = Client::commanding(position(Version::V1_14));
-    let start = client.cabinet.settings.start;
+    let start = client.cabinet.settings.robot.start;
     for step in 0..400 {
         client.run(1, |data| {
             let mut target = start;
@@ -65,7 +65,7 @@ fn the_interpolated_position_stays_where_the_motion_began() {
     let data = client.seen.data.as_ref().expect("sent");
     let commanded = data.commanded_position.as_ref().expect("1.x").value[3];
     assert!((commanded - start[3] - 0.0399).abs() < 1e-9, "{commanded}");
-    assert!(client.cabinet.arm.position[3] > start[3] + 0.03);
+    assert!(client.cabinet.robot.arm.position[3] > start[3] + 0.03);
 }
 
 #[test]
@@ -74,8 +74,8 @@ fn with_a_receive_multiplier_the_set_point_moves_in_every_period() {
         multiplier: 5,
         ..position(Version::V2_5)
     });
-    let start = client.cabinet.settings.start;
-    let mut last = client.cabinet.desired[0];
+    let start = client.cabinet.settings.robot.start;
+    let mut last = client.cabinet.robot.desired[0];
     let mut steps = Vec::new();
     for cycle in 0..200 {
         client.run(1, |data| {
@@ -83,8 +83,8 @@ fn with_a_receive_multiplier_the_set_point_moves_in_every_period() {
             target[0] += 2e-4 * f64::from(cycle);
             data.position = Some(values(&target));
         });
-        steps.push(client.cabinet.desired[0] - last);
-        last = client.cabinet.desired[0];
+        steps.push(client.cabinet.robot.desired[0] - last);
+        last = client.cabinet.robot.desired[0];
     }
     for step in &steps[20..] {
         assert!((step - 2e-4).abs() < 1e-9, "{step}");
@@ -96,7 +96,7 @@ fn a_pose_moves_the_arm_to_the_joints_that_have_it() {
     for version in [Version::V2_5, Version::V2_7] {
         let mut client = Client::commanding(settings(version, OverlayMode::CartesianPose));
         let model = client.cabinet.settings.arm.model();
-        let mut target = client.cabinet.settings.start;
+        let mut target = client.cabinet.settings.robot.start;
         for _ in 0..300 {
             target[1] += 1e-4;
             target[2] -= 2e-4;
@@ -105,7 +105,7 @@ fn a_pose_moves_the_arm_to_the_joints_that_have_it() {
                 data.redundancy.as_mut().expect("mirrored").value = Some(target[2]);
             });
         }
-        for (now, target) in client.cabinet.desired.into_iter().zip(target) {
+        for (now, target) in client.cabinet.robot.desired.into_iter().zip(target) {
             assert!((now - target).abs() < 1e-6, "{now} {target}");
         }
     }
@@ -114,21 +114,21 @@ fn a_pose_moves_the_arm_to_the_joints_that_have_it() {
 #[test]
 fn torques_and_wrenches_deflect_the_springs() {
     let mut client = Client::commanding(settings(Version::V1_14, OverlayMode::Torque));
-    let start = client.cabinet.settings.start;
+    let start = client.cabinet.settings.robot.start;
     client.run(3000, |data| {
         data.torque = Some(values(&[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
     });
-    let off = client.cabinet.arm.position[1] - start[1];
+    let off = client.cabinet.robot.arm.position[1] - start[1];
     assert!((off - 5.0 / 1000.0).abs() < 1e-6, "{off}");
     let mut client = Client::commanding(settings(Version::V2_7, OverlayMode::Wrench));
-    let before = client.cabinet.geometry;
+    let before = client.cabinet.robot.geometry;
     client.run(4000, |data| {
         data.wrench = Some(CartesianVector {
             element: vec![0.0, 0.0, 10.0, 0.0, 0.0, 0.0],
         });
     });
     // The axes are those of the flange.
-    let moved = client.cabinet.geometry.position;
+    let moved = client.cabinet.robot.geometry.position;
     for (axis, moved) in moved.iter().enumerate() {
         let expected = 10.0 / 2000.0 * before.rotation[axis][2];
         let off = moved - before.position[axis];
@@ -136,7 +136,7 @@ fn torques_and_wrenches_deflect_the_springs() {
     }
     client.ask(r#"{"stop_motion":null}"#);
     client.run(5, |_| {});
-    assert_eq!(client.cabinet.impedance.added, [0.0; JOINTS]);
+    assert_eq!(client.cabinet.robot.impedance.added, [0.0; JOINTS]);
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn fault_of(settings: Settings, change: impl Fn(&mut CommandData)) -> Option<i32
     client.run(20, |_| {});
     client.run(1, change);
     assert!(!client.cabinet.is_commanded());
-    let text = client.cabinet.snapshot().fault.expect("a fault");
+    let text = client.cabinet.snapshot().robot.fault.expect("a fault");
     assert!(!text.is_empty());
     client.fault_code()
 }
@@ -256,7 +256,7 @@ fn in_t1_the_flange_is_slow() {
             selector,
             ..position(Version::V1_14)
         });
-        let start = client.cabinet.settings.start;
+        let start = client.cabinet.settings.robot.start;
         let mut at = start;
         let mut speed = 0.0_f64;
         for _ in 0..300 {

@@ -7,7 +7,7 @@ use crate::sim::iiwa::settings::MotionStart;
 /// Moves A1 for some cycles with about 0.4 rad/s.
 fn moving(settings: Settings) -> Client {
     let mut client = Client::commanding(settings);
-    let start = client.cabinet.settings.start;
+    let start = client.cabinet.settings.robot.start;
     let mut at = start;
     let mut speed = 0.0_f64;
     for _ in 0..300 {
@@ -15,7 +15,7 @@ fn moving(settings: Settings) -> Client {
         at[0] += speed;
         client.run(1, |data| data.position = Some(values(&at)));
     }
-    assert!(client.cabinet.arm.velocity[0] > 0.3);
+    assert!(client.cabinet.robot.arm.velocity[0] > 0.3);
     client
 }
 
@@ -31,17 +31,17 @@ fn rests(client: &mut Client) -> u32 {
 #[test]
 fn missed_answers_are_bridged_with_the_last_velocity_and_one_more_stops_the_arm() {
     let mut client = moving(position(Version::V2_7));
-    let before = client.cabinet.desired[0];
+    let before = client.cabinet.robot.desired[0];
     for missed in 1..=5 {
         client.next();
         let on = before + 4e-4 * f64::from(missed);
-        assert!((client.cabinet.desired[0] - on).abs() < 1e-9);
+        assert!((client.cabinet.robot.desired[0] - on).abs() < 1e-9);
     }
     client.next();
     assert_eq!(client.fault_code(), Some(1));
     assert_eq!(client.session(), SessionState::MonitoringWait);
     rests(&mut client);
-    assert!(client.cabinet.arm.acceleration_max[0] < 40.0);
+    assert!(client.cabinet.robot.arm.acceleration_max[0] < 40.0);
     // The application begins again after half a second.
     client.run(700, |_| {});
     assert_eq!(client.fault_code(), None);
@@ -52,17 +52,17 @@ fn missed_answers_are_bridged_with_the_last_velocity_and_one_more_stops_the_arm(
 fn a_stall_of_the_machine_is_no_missed_answer() {
     let mut client = moving(position(Version::V1_14));
     let (missed, sequence) = (client.cabinet.counts.missed, client.cabinet.sequence());
-    let before = client.cabinet.desired[0];
+    let before = client.cabinet.robot.desired[0];
     let answer = client.mirror();
     let mut answer = answer;
-    let mut at = client.cabinet.desired;
+    let mut at = client.cabinet.robot.desired;
     at[0] += 4e-4;
     answer.data.as_mut().expect("an overlay").position = Some(values(&at));
     assert!(client.send(&answer));
     client.cabinet.tick(8);
     assert_eq!(client.cabinet.sequence(), sequence + 8);
     assert_eq!(client.cabinet.counts.missed, missed);
-    assert!((client.cabinet.desired[0] - before - 8.0 * 4e-4).abs() < 1e-9);
+    assert!((client.cabinet.robot.desired[0] - before - 8.0 * 4e-4).abs() < 1e-9);
     assert_eq!(
         (client.cabinet.counts.stalls, client.cabinet.counts.skipped),
         (1, 7)
@@ -149,7 +149,7 @@ fn without_the_application_a_motion_begins_at_a_request_only() {
     client.ask(r#"{"start_motion":null}"#);
     client.run(100, |_| {});
     assert_eq!(client.session(), SessionState::CommandingActive);
-    assert_eq!(client.cabinet.impedance.stiffness[0], 50.0);
+    assert_eq!(client.cabinet.robot.impedance.stiffness[0], 50.0);
     let busy: Result<CabinetRequest, _> =
         serde_json::from_str(r#"{"motion":{"control":"position","overlay":"position"}}"#);
     assert!(client.cabinet.execute(busy.expect("a request")).is_err());
@@ -157,7 +157,7 @@ fn without_the_application_a_motion_begins_at_a_request_only() {
     client.run(2000, |_| {});
     assert_eq!(client.session(), SessionState::MonitoringReady);
     assert_eq!(client.fault_code(), Some(8));
-    assert_eq!(client.cabinet.snapshot().faults.len(), 1);
+    assert_eq!(client.cabinet.snapshot().robot.faults.len(), 1);
     client.ask(r#"{"start_motion":null}"#);
     client.run(100, |_| {});
     assert_eq!(client.session(), SessionState::CommandingActive);

@@ -29,7 +29,7 @@ fn sprung(version: Version, overlay: OverlayMode, law: ControlLaw) -> Settings {
 /// Returns a client whose arm a wall with its normal along `axis` has pressed for 3 s.
 fn pressed(settings: Settings, axis: usize, change: impl Fn(&mut CommandData)) -> Client {
     let mut client = Client::commanding(settings);
-    let wall: serde_json::Value = wall_behind(client.cabinet.geometry.position, axis);
+    let wall: serde_json::Value = wall_behind(client.cabinet.robot.geometry.position, axis);
     client.ask(&wall.to_string());
     client.run(3000, change);
     assert!(client.cabinet.is_commanded(), "{:?}", client.cabinet.fault);
@@ -86,7 +86,7 @@ fn added_torques_press_on_top_of_the_springs() {
 fn deflection(client: &Client, axis: usize) -> f64 {
     let model = client.cabinet.settings.arm.model();
     let held = geometry(model, &client.cabinet.interpolated).position[axis];
-    client.cabinet.geometry.position[axis] - held
+    client.cabinet.robot.geometry.position[axis] - held
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn the_flange_shows_its_stiffness_in_every_overlay_of_cartesian_impedance() {
         for (axis, chosen) in ALONG.into_iter().enumerate() {
             let settings = sprung(version, overlay, ControlLaw::CartesianImpedance);
             let client = pressed(settings, axis, |_| {});
-            let force = client.cabinet.wrench[axis];
+            let force = client.cabinet.robot.wrench[axis];
             assert_stiffness(force, deflection(&client, axis), chosen);
             let sent = client.seen.data.as_ref().expect("sent");
             let told = sent.external_force.as_ref().map(|told| told.element[axis]);
@@ -123,8 +123,8 @@ fn an_added_wrench_presses_on_top_of_the_springs() {
             element: vec![0.0, 0.0, 8.0, 0.0, 0.0, 0.0],
         });
     });
-    let added = client.cabinet.impedance.added[2];
+    let added = client.cabinet.robot.impedance.added[2];
     assert!((added + 8.0).abs() < 0.01, "{added}");
-    let force = client.cabinet.wrench[2] + added;
+    let force = client.cabinet.robot.wrench[2] + added;
     assert_stiffness(force, deflection(&client, 2), ALONG[2]);
 }

@@ -35,9 +35,9 @@ impl Krc {
         command: &CommandDatagram,
     ) -> Option<MirrorError> {
         let values = command.joint_position.map(f64::from);
-        let tolerance = self.settings.mirror_tolerance_rad;
+        let tolerance = self.settings.robot.mirror_tolerance_rad;
         let is_off = |joint: &usize| {
-            let distance = (values[*joint] - self.desired[*joint]).abs();
+            let distance = (values[*joint] - self.robot.desired[*joint]).abs();
             distance.is_nan() || distance > tolerance
         };
         let joint_selected = command.flags & flags::JOINT_POSITION != 0;
@@ -45,13 +45,13 @@ impl Krc {
             return Some(MirrorError::Joint {
                 joint,
                 value: values[joint],
-                own: self.desired[joint],
+                own: self.robot.desired[joint],
                 tolerance,
             });
         }
         let pose_selected = command.flags & flags::CARTESIAN_POSITION != 0;
         let commanded = geometry_of(&command.cartesian_position);
-        let (distance, angle) = distances(&geometry(&self.desired), &commanded);
+        let (distance, angle) = distances(&geometry(&self.robot.desired), &commanded);
         (pose_selected && !is_near(distance, angle))
             .then_some(MirrorError::Pose { distance, angle })
     }
@@ -67,7 +67,7 @@ impl Krc {
             return Ok(if selected(flags::JOINT_POSITION) {
                 joints
             } else {
-                self.desired
+                self.robot.desired
             });
         }
         let commanded = geometry_of(&command.cartesian_position);
@@ -75,7 +75,7 @@ impl Krc {
             return Err(KrcFault::Rotation);
         }
         if !selected(flags::JOINT_POSITION) {
-            return nearest_joints(&LWR_4_PLUS, &self.desired, &commanded).map_err(|left| {
+            return nearest_joints(&LWR_4_PLUS, &self.robot.desired, &commanded).map_err(|left| {
                 let (distance, angle) = lengths(left);
                 KrcFault::Unreachable { distance, angle }
             });
@@ -98,7 +98,7 @@ impl Krc {
         is_first: bool,
     ) -> Result<ImpedanceSettings, KrcFault> {
         if self.settings.strategy == ControlLaw::Position {
-            return Ok(self.impedance);
+            return Ok(self.robot.impedance);
         }
         let impedance = ImpedanceSettings::of(command, self.settings.strategy)?;
         let added = impedance.added.iter();

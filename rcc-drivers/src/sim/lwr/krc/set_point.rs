@@ -45,7 +45,7 @@ impl Krc {
         match (self.motion, command) {
             (SetPointMode::Hold, _) => periods,
             (SetPointMode::Stop(mut brake), _) => {
-                self.desired = brake.advance(periods as f64 * self.settings.period_s);
+                self.robot.desired = brake.advance(periods as f64 * self.settings.period_s);
                 self.motion = if brake.is_at_rest() {
                     SetPointMode::Hold
                 } else {
@@ -90,9 +90,9 @@ impl Krc {
         let target = self.target(command)?;
         let impedance = self.impedance_of(command, !mirror_checked)?;
         stream.accept(&target, &self.settings.stream_rules())?;
-        self.impedance = impedance;
-        self.desired = target;
-        self.last_stream = stream;
+        self.robot.impedance = impedance;
+        self.robot.desired = target;
+        self.robot.last_stream = stream;
         self.motion = SetPointMode::Follow(FollowedCommands {
             stream,
             flags,
@@ -110,9 +110,9 @@ impl Krc {
         };
         let periods = periods.min(STALL_PERIODS_MAX);
         for _ in 0..periods {
-            self.desired = commands.stream.extrapolate(self.settings.period_s);
+            self.robot.desired = commands.stream.extrapolate(self.settings.period_s);
         }
-        self.last_stream = commands.stream;
+        self.robot.last_stream = commands.stream;
         self.motion = SetPointMode::Follow(commands);
         periods
     }
@@ -122,22 +122,22 @@ impl Krc {
         commands.missed_in_a_row += 1;
         let misses = commands.missed_in_a_row;
         self.counts.missed_in_a_row_max = self.counts.missed_in_a_row_max.max(misses);
-        if misses > self.settings.bridged_misses {
+        if misses > self.settings.robot.bridged_misses {
             self.fail(KrcFault::Lost { misses });
             self.move_set_point(None, 1);
             return;
         }
-        self.desired = commands.stream.extrapolate(self.settings.period_s);
-        self.last_stream = commands.stream;
+        self.robot.desired = commands.stream.extrapolate(self.settings.period_s);
+        self.robot.last_stream = commands.stream;
         self.motion = SetPointMode::Follow(commands);
     }
 
     /// Enters command state with these command flags: the set-point is that of the PC from now on.
     pub(in crate::sim::lwr) fn enter_command_state(&mut self, flags: u32) {
-        self.base = self.desired;
-        self.last_stream = CommandStream::at_rest(self.desired, self.settings.period_s);
+        self.base = self.robot.desired;
+        self.robot.last_stream = CommandStream::at_rest(self.robot.desired, self.settings.period_s);
         self.motion = SetPointMode::Follow(FollowedCommands {
-            stream: self.last_stream,
+            stream: self.robot.last_stream,
             flags,
             mirror_checked: false,
             missed_in_a_row: 0,
@@ -148,7 +148,7 @@ impl Krc {
     /// Brings the set-point to rest if it follows commands.
     pub(super) fn brake(&mut self) {
         if let SetPointMode::Follow(commands) = self.motion {
-            self.brake_from(self.desired, commands.stream.velocity());
+            self.brake_from(self.robot.desired, commands.stream.velocity());
         }
     }
 
@@ -159,13 +159,17 @@ impl Krc {
             return self.brake();
         }
         if self.in_command_state() {
-            (self.desired, self.from) = (self.arm.position, self.arm.position);
-            self.brake_from(self.arm.position, self.arm.velocity);
+            (self.robot.desired, self.robot.from) =
+                (self.robot.arm.position, self.robot.arm.position);
+            self.brake_from(self.robot.arm.position, self.robot.arm.velocity);
         }
     }
 
     fn brake_from(&mut self, position: Joints, velocity: Joints) {
-        let (deceleration, jerk) = (self.settings.brake_deceleration, self.settings.brake_jerk);
+        let (deceleration, jerk) = (
+            self.settings.robot.brake_deceleration,
+            self.settings.robot.brake_jerk,
+        );
         self.motion = SetPointMode::Stop(StopRamp::new(position, velocity, deceleration, jerk));
     }
 }

@@ -39,7 +39,7 @@ variants!(FAULTS, fault_name, KrcFault:
     KrcFault::Pose { .. },
     KrcFault::Rotation,
     KrcFault::Unreachable { .. },
-    KrcFault::Runaway { .. },
+    KrcFault::Runaway(_),
     KrcFault::Added { .. },
 );
 
@@ -99,7 +99,7 @@ fn every_refusal_is_provoked_counted_and_told_and_the_next_answer_is_taken() {
         let bytes = provoke(&mut pc);
         let refusal = pc.krc.receive(&bytes, 1e-4).expect_err("refused");
         assert_eq!(pc.krc.counts.refused, 1, "{refusal}");
-        let told = pc.krc.snapshot().last_refusal;
+        let told = pc.krc.snapshot().robot.last_refusal;
         assert_eq!(told, Some(refusal.to_string()));
         seen.insert(refusal_name(&refusal));
         pc.miss();
@@ -108,7 +108,7 @@ fn every_refusal_is_provoked_counted_and_told_and_the_next_answer_is_taken() {
         assert_eq!(pc.krc.counts.answered, answered + 20, "{refusal}");
         assert_eq!((pc.krc.fault, pc.krc.counts.refused), (None, 1));
         pc.execute(r#"{"reset_statistics":null}"#);
-        assert_eq!(pc.krc.snapshot().last_refusal, None);
+        assert_eq!(pc.krc.snapshot().robot.last_refusal, None);
     }
     assert_eq!(seen, all(REFUSALS));
 }
@@ -123,7 +123,7 @@ fn changed_byte(pc: &mut Pc, offset: usize) -> Vec<u8> {
 fn entering(settings: Settings, flags: u32) -> Pc {
     let mut pc = Pc::new(settings);
     while pc.state() == SessionState::Monitor {
-        assert!(pc.krc.tick < 1000, "{:?}", pc.krc.monitor_reason);
+        assert!(pc.krc.robot.tick < 1000, "{:?}", pc.krc.monitor_reason);
         pc.soft_for(1, |answer| answer.flags = flags);
     }
     pc
@@ -150,20 +150,18 @@ type Case = (Pc, Box<dyn Fn(&mut Pc)>);
 fn cases() -> Vec<Case> {
     let at = || Pc::commanding(Settings::default());
     let [cartesian, joint] = SOFT.map(|law| move || Pc::soft_commanding(law));
-    let patient = Settings {
-        bridged_misses: 200,
-        ..Settings::default()
-    };
+    let mut patient = Settings::default();
+    patient.robot.bridged_misses = 200;
     let pose = || entering(soft(SOFT[0]), POSE_ALONE);
     let miss: fn(&mut Pc) = |pc| {
         while pc.krc.fault.is_none() {
-            assert!(pc.krc.tick < 1000);
+            assert!(pc.krc.robot.tick < 1000);
             pc.miss();
         }
     };
     let limp: fn(&mut Pc) = |pc| {
         while pc.krc.fault.is_none() {
-            assert!(pc.krc.tick < 5000);
+            assert!(pc.krc.robot.tick < 5000);
             pc.soft_for(1, |answer| {
                 answer.joint_stiffness = [0.0; JOINTS];
                 answer.joint_damping = [0.0; JOINTS];
@@ -248,7 +246,7 @@ fn every_fault_is_provoked_and_told() {
         let fault = pc.krc.fault.expect("a fault");
         seen.insert(fault_name(&fault));
         assert!(!pc.krc.in_command_state() && !pc.krc.drives_on(), "{fault}");
-        let told = pc.krc.snapshot().faults;
+        let told = pc.krc.snapshot().robot.faults;
         let (code, reason) = (fault.code(), fault.to_string());
         let last = told.last().expect("it is told");
         assert_eq!((last.code, &last.reason), (code, &reason));

@@ -19,7 +19,7 @@ fn the_controller_speaks_first_and_is_in_monitor_state() {
 fn command_state_begins_only_when_the_quality_is_ok() {
     let mut pc = Pc::new(Settings::default());
     while pc.state() == SessionState::Monitor {
-        assert!(pc.krc.tick < 1000);
+        assert!(pc.krc.robot.tick < 1000);
         pc.mirror_for(1);
     }
     assert!(pc.seen.quality >= Quality::Ok);
@@ -79,7 +79,7 @@ fn a_first_command_elsewhere_brakes_and_leaves_command_state() {
     while pc.state() == SessionState::Monitor {
         pc.mirror_for(1);
     }
-    let before = pc.krc.desired;
+    let before = pc.krc.robot.desired;
     let mut answer = pc.mirror();
     answer.joint_position[4] += 0.011;
     pc.answer(&answer);
@@ -89,13 +89,13 @@ fn a_first_command_elsewhere_brakes_and_leaves_command_state() {
         Some(KrcFault::Mirror(MirrorError::Joint { joint: 4, .. }))
     ));
     assert_eq!((pc.seen.power, pc.seen.error), (0, 1 << 4));
-    assert_eq!(pc.krc.desired, before);
+    assert_eq!(pc.krc.robot.desired, before);
 }
 
 #[test]
 fn the_arm_follows_what_is_commanded() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
-    let goal = pc.krc.desired[3] + 0.005;
+    let goal = pc.krc.robot.desired[3] + 0.005;
     // A last step down to rest, then hold.
     for i in 1..=20 {
         let x = f64::from(i) / 20.0;

@@ -59,7 +59,7 @@ fn the_counters_wrap_without_a_miss() {
 #[test]
 fn a_wall_pushes_the_tool_and_is_sent_in_kukas_order() {
     let mut pc = Pc::new(Settings::default());
-    let [x, y, z] = pc.krc.geometry.position;
+    let [x, y, z] = pc.krc.robot.geometry.position;
     pc.execute(&format!(
         r#"{{"wall":{{"point":[{x},{y},{}],"normal":[0,0,1],"stiffness":5000}}}}"#,
         z + 0.002
@@ -72,6 +72,7 @@ fn a_wall_pushes_the_tool_and_is_sent_in_kukas_order() {
     assert_eq!(pc.seen.external_tcp_wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
     let power: f64 = pc
         .krc
+        .robot
         .geometry
         .joint_torque(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])[0];
     assert!((f64::from(pc.seen.external_torque[0]) - power).abs() < 1e-5);
@@ -82,7 +83,7 @@ fn torques_contain_the_weight_of_the_links_and_external_ones_that_of_a_load() {
     let mut pc = Pc::new(Settings::default());
     pc.mirror_for(1);
     assert_eq!(pc.seen.external_torque, [0.0; JOINTS]);
-    let weight = gravity_torque(&LWR_4_PLUS, &pc.krc.arm.position);
+    let weight = gravity_torque(&LWR_4_PLUS, &pc.krc.robot.arm.position);
     assert!(weight[1].abs() > 5.0, "{weight:?}");
     for joint in 0..JOINTS {
         let torque = f64::from(pc.seen.measured_torque[joint]);
@@ -92,7 +93,7 @@ fn torques_contain_the_weight_of_the_links_and_external_ones_that_of_a_load() {
     pc.execute(r#"{"load":{"mass":2}}"#);
     pc.mirror_for(1);
     assert!((f64::from(pc.seen.external_tcp_wrench[2]) + 2.0 * GRAVITY).abs() < 1e-4);
-    let external = pc.krc.geometry.joint_torque(&pc.krc.wrench);
+    let external = pc.krc.robot.geometry.joint_torque(&pc.krc.robot.wrench);
     assert!((f64::from(pc.seen.external_torque[1]) - external[1]).abs() < 1e-4);
     let both = external[1] + weight[1];
     assert!((f64::from(pc.seen.measured_torque[1]) - both).abs() < 1e-4);

@@ -132,12 +132,12 @@ fn an_arm_that_has_yielded_stays_where_it_is_when_the_strategy_changes() {
     });
     pc.execute(r#"{"wrench":{"force":[0,20,0],"torque":[0,0,0]}}"#);
     pc.write(3000, &[]);
-    let yielded = pc.krc.arm.position;
-    assert!((yielded[0] - pc.krc.desired[0]).abs() > 1e-3);
+    let yielded = pc.krc.robot.arm.position;
+    assert!((yielded[0] - pc.krc.robot.desired[0]).abs() > 1e-3);
     pc.execute(r#"{"strategy":"position"}"#);
     pc.write(500, &[]);
-    assert_eq!(pc.krc.desired, yielded);
-    assert!((pc.krc.arm.position[0] - yielded[0]).abs() < 1e-9);
+    assert_eq!(pc.krc.robot.desired, yielded);
+    assert!((pc.krc.robot.arm.position[0] - yielded[0]).abs() < 1e-9);
 }
 
 #[test]

@@ -113,8 +113,8 @@ fn a_subset_of_the_flags_is_taken_and_the_rest_is_the_controllers_own() {
         );
         assert_eq!(pc.krc.fault, None, "{subset:#06x}");
         let usual = ImpedanceSettings::default_for(strategy);
-        assert_eq!(pc.krc.impedance.stiffness[0], usual.stiffness[0]);
-        assert!((pc.krc.impedance.damping[5] - usual.damping[5]).abs() < 1e-6);
+        assert_eq!(pc.krc.robot.impedance.stiffness[0], usual.stiffness[0]);
+        assert!((pc.krc.robot.impedance.damping[5] - usual.damping[5]).abs() < 1e-6);
     }
 }
 
@@ -191,24 +191,24 @@ fn without_stiffness_and_damping_a_torque_moves_the_arm_until_it_would_run_away(
     };
     pc.soft_for(300, limp);
     assert_eq!(pc.state(), SessionState::Command);
-    let before = pc.krc.arm.position;
+    let before = pc.krc.robot.arm.position;
     pc.soft_for(500, limp);
-    let drift = (0..JOINTS).map(|joint| (pc.krc.arm.position[joint] - before[joint]).abs());
+    let drift = (0..JOINTS).map(|joint| (pc.krc.robot.arm.position[joint] - before[joint]).abs());
     assert!(drift.fold(0.0, f64::max) < 1e-6, "no force, no motion");
     pc.soft_for(200, |answer| {
         limp(answer);
         answer.additional_joint_torque[6] = 0.2;
     });
-    let moved = pc.krc.arm.position[6] - before[6];
+    let moved = pc.krc.robot.arm.position[6] - before[6];
     assert!(moved > 1e-3 && pc.krc.fault.is_none(), "{moved}");
     pc.soft_for(3000, |answer| {
         limp(answer);
         answer.additional_joint_torque[6] = 5.0;
     });
-    let faults: Vec<i32> = pc.krc.faults.iter().map(|fault| fault.code).collect();
-    assert_eq!(faults.first(), Some(&14), "{:?}", pc.krc.faults);
+    let faults: Vec<i32> = pc.krc.robot.faults.iter().map(|fault| fault.code).collect();
+    assert_eq!(faults.first(), Some(&14), "{:?}", pc.krc.robot.faults);
     // The brakes hold the arm where it is: its springs do not pull it back to where it was commanded.
-    assert!((pc.krc.arm.position[6] - before[6]).abs() > 0.1);
+    assert!((pc.krc.robot.arm.position[6] - before[6]).abs() > 0.1);
 }
 
 #[test]
@@ -251,7 +251,7 @@ fn an_added_force_at_the_entry_is_a_fault() {
             answer.additional_tcp_wrench[2] = 1.5;
             answer.additional_joint_torque[2] = 1.5;
         });
-        assert!(pc.krc.faults.iter().any(|fault| fault.code == 13));
+        assert!(pc.krc.robot.faults.iter().any(|fault| fault.code == 13));
     }
 }
 

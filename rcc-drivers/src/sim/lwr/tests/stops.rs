@@ -6,7 +6,7 @@ use super::*;
 #[test]
 fn too_fast_a_command_brakes_and_names_the_joint() {
     let mut pc = Pc::moving(Settings::default(), 2.0);
-    let next = pc.krc.desired[3] + 0.003;
+    let next = pc.krc.robot.desired[3] + 0.003;
     pc.command_joint_4(next);
     assert_eq!(pc.state(), SessionState::Monitor);
     assert!(
@@ -18,7 +18,7 @@ fn too_fast_a_command_brakes_and_names_the_joint() {
         pc.krc.fault
     );
     assert!(
-        (pc.krc.desired[3] - next).abs() > 0.5e-3,
+        (pc.krc.robot.desired[3] - next).abs() > 0.5e-3,
         "the bad command is not executed"
     );
 }
@@ -26,10 +26,10 @@ fn too_fast_a_command_brakes_and_names_the_joint() {
 #[test]
 fn five_missed_answers_are_bridged_with_the_last_velocity() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
-    let before = pc.krc.desired[3];
+    let before = pc.krc.robot.desired[3];
     (0..5).for_each(|_| pc.miss());
     assert_eq!((pc.state(), pc.krc.fault), (SessionState::Command, None));
-    assert!((pc.krc.desired[3] - before - 5.0 * 0.5e-3).abs() < 1e-5);
+    assert!((pc.krc.robot.desired[3] - before - 5.0 * 0.5e-3).abs() < 1e-5);
     pc.command_joint_4(before + 6.0 * 0.5e-3);
     assert_eq!((pc.state(), pc.krc.fault), (SessionState::Command, None));
 }
@@ -44,14 +44,14 @@ fn the_sixth_missed_answer_brings_the_arm_to_rest_within_the_limits() {
     (0..600).for_each(|_| pc.miss());
     assert!(pc.krc.is_at_rest());
     assert!(
-        pc.krc.arm.velocity_max[3] < 0.51,
+        pc.krc.robot.arm.velocity_max[3] < 0.51,
         "{}",
-        pc.krc.arm.velocity_max[3]
+        pc.krc.robot.arm.velocity_max[3]
     );
     assert!(
-        pc.krc.arm.acceleration_max[3] <= 8.0 + 1e-6,
+        pc.krc.robot.arm.acceleration_max[3] <= 8.0 + 1e-6,
         "{}",
-        pc.krc.arm.acceleration_max[3]
+        pc.krc.robot.arm.acceleration_max[3]
     );
 }
 
@@ -59,23 +59,23 @@ fn the_sixth_missed_answer_brings_the_arm_to_rest_within_the_limits() {
 fn after_a_fault_the_script_acknowledges_when_the_arm_has_rested_and_the_pc_mirrors() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
     (0..6).for_each(|_| pc.miss());
-    let stopped = pc.krc.tick;
+    let stopped = pc.krc.robot.tick;
     while pc.seen.power == 0 {
         pc.mirror_for(1);
-        assert!(pc.krc.tick < stopped + 2000);
+        assert!(pc.krc.robot.tick < stopped + 2000);
     }
-    assert!(pc.krc.at_rest_for_s >= 0.5);
-    let rest = pc.krc.arm.position;
+    assert!(pc.krc.robot.at_rest_for_s >= 0.5);
+    let rest = pc.krc.robot.arm.position;
     pc.mirror_for(300);
     assert_eq!((pc.state(), pc.krc.fault), (SessionState::Command, None));
-    assert!((0..JOINTS).all(|joint| (pc.krc.arm.position[joint] - rest[joint]).abs() < 1e-4));
+    assert!((0..JOINTS).all(|joint| (pc.krc.robot.arm.position[joint] - rest[joint]).abs() < 1e-4));
 }
 
 #[test]
 fn a_fault_of_an_arm_that_has_long_rested_is_shown_for_its_time() {
     let mut pc = Pc::commanding(Settings::default());
     pc.mirror_for(1000);
-    assert!(pc.krc.at_rest_for_s > 0.5);
+    assert!(pc.krc.robot.at_rest_for_s > 0.5);
     let jump = pc.position()[3] + 0.1;
     pc.command_joint_4(jump);
     let mut shown = 0;
@@ -129,7 +129,7 @@ fn an_emergency_stop_is_never_acknowledged_by_the_script() {
 fn the_request_to_end_brings_a_moving_arm_to_rest_without_a_fault() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
     pc.krc.reset_statistics();
-    let next = pc.krc.desired[3] + 0.5e-3;
+    let next = pc.krc.robot.desired[3] + 0.5e-3;
     for cycle in 0..600 {
         let mut answer = pc.mirror();
         answer.krl.integers[0] = 2;
@@ -140,7 +140,7 @@ fn the_request_to_end_brings_a_moving_arm_to_rest_without_a_fault() {
         assert_eq!((pc.state(), pc.seen.power), (SessionState::Monitor, 0x7f));
     }
     assert!(pc.krc.is_at_rest() && pc.krc.fault.is_none());
-    assert!(pc.krc.arm.acceleration_max[3] <= 8.0 + 1e-6);
+    assert!(pc.krc.robot.arm.acceleration_max[3] <= 8.0 + 1e-6);
 }
 
 #[test]
@@ -180,13 +180,17 @@ fn quality_that_becomes_unacceptable_ends_command_state() {
             pc.mirror_for(1)
         }
     }
-    assert!(matches!(pc.krc.faults[0].code, 2), "{:?}", pc.krc.faults);
+    assert!(
+        matches!(pc.krc.robot.faults[0].code, 2),
+        "{:?}",
+        pc.krc.robot.faults
+    );
 }
 
 #[test]
 fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_visible() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
-    let mut next = pc.krc.desired[3] + 0.5e-3;
+    let mut next = pc.krc.robot.desired[3] + 0.5e-3;
     let answer = CommandDatagram {
         joint_position: {
             let mut q = pc.mirror().joint_position;
@@ -209,7 +213,7 @@ fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_visible
         (pc.krc.fault, pc.krc.counts.missed, pc.krc.counts.stalls),
         (None, 0, 1)
     );
-    assert!((pc.krc.arm.velocity[3] - 0.5).abs() < 1e-3);
+    assert!((pc.krc.robot.arm.velocity[3] - 0.5).abs() < 1e-3);
 }
 
 #[test]
