@@ -200,3 +200,23 @@ def test_devices_status_and_events(cell):
     assert {device["name"] for device in cell.devices()} == {"lwr", "io"}
     assert cell.status()["executor"]["period_ns"] == 1_000_000
     assert all(event["words"] for event in cell.events())
+
+
+def test_an_armed_condition_records_once_and_is_listed(cell):
+    command = cell.load(waiting("armed"))
+    number = cell.arm("armed.level.value > 0.5")
+    command.start()
+    command.set({"level": 0.8})
+    deadline = time.monotonic() + 60
+    while not (rule := cell.armed()[-1])["state"] == "fired":
+        assert time.monotonic() < deadline, rule
+        time.sleep(0.05)
+    assert (rule["rule"], rule["recorded"]["recordings"]) == (number, 1)
+    with pytest.raises(rcc.RccError, match="level.valu") as unknown:
+        cell.arm("armed.level.valu > 0.5")
+    assert unknown.value.code == "RCC3051"
+    cell.disarm(number)
+    assert cell.armed() == []
+    command.cancel()
+    command.wait(60)
+    command.unload()

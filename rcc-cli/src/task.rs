@@ -209,7 +209,7 @@ fn rule_of(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<RuleBody> {
     let rule: RuleBody = match serde_json::from_value(node.to_json()) {
         Ok(rule) => rule,
         Err(error) => {
-            let help = "a rule has `name`, `when`, `stop`, `cancel`, `start`, `lease` and `on_client_loss: cancel` or `go on`";
+            let help = "a rule has `name`, `when`, `stop`, `cancel`, `start`, `record`, `lease` and `on_client_loss: cancel` or `go on`";
             faults.push(fault(node.span, format!("invalid rule: {error}"), help));
             return None;
         }

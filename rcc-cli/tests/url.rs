@@ -101,6 +101,9 @@ const SERVED: &[(&[&str], &str)] = &[
     (&["tail"], "GET /history"),
     (&["incidents"], "GET /incidents"),
     (&["incidents", "record"], "POST /incidents"),
+    (&["incidents", "arm", "ft.fz > 30"], "POST /rules"),
+    (&["incidents", "armed"], "GET /rules"),
+    (&["incidents", "disarm", "3"], "GET /rules/3"),
     (
         &["incidents", "fetch", "x.rcc-incident"],
         "GET /incidents/x.rcc-incident",

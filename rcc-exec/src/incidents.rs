@@ -27,6 +27,8 @@ use rcc_protocol::control::RecordingState;
 use rcc_protocol::events::{EventKind, event_text, hex_digits, wall_time_before};
 use tracing::{info, warn};
 
+use crate::rule_texts::RuleTexts;
+
 /// Interval at which the thread checks for a frozen recording.
 const POLL_EVERY: Duration = Duration::from_millis(20);
 /// Interval at which the size of the evidence is checked, besides after each incident: logs grow, too.
@@ -54,7 +56,7 @@ fn writer_of(path: &Path) -> Option<(ProcessInstance, bool)> {
     let mut parts = path.file_stem()?.to_str()?.splitn(3, '-');
     let (executor, cycle, reason) = (parts.next()?, parts.next()?, parts.next()?);
     let digits = executor.len() == 16 && cycle.parse::<u64>().is_ok();
-    let known = digits && ["fault", "late", "request"].contains(&reason);
+    let known = digits && ["fault", "late", "request", "trigger"].contains(&reason);
     let executor = u64::from_str_radix(executor, 16).ok().filter(|_| known)?;
     Some((ProcessInstance::from_incarnation(executor), partial))
 }
@@ -144,6 +146,7 @@ pub struct IncidentWriter {
     pruned_at: Instant,
     log: Option<EventRecorder>,
     recordings: RecordingResults,
+    rule_texts: RuleTexts,
 }
 
 impl IncidentWriter {
@@ -163,6 +166,7 @@ impl IncidentWriter {
             plans: VecDeque::new(),
             log: None,
             recordings: RecordingResults::default(),
+            rule_texts: RuleTexts::default(),
         };
         let recordings = incident_writer.recordings.clone();
         (incident_writer, sender, recordings)
@@ -172,6 +176,13 @@ impl IncidentWriter {
     #[must_use]
     pub fn with_event_log(mut self, log: EventRecorder) -> IncidentWriter {
         self.log = Some(log);
+        self
+    }
+
+    /// Names the conditions of rules that record.
+    #[must_use]
+    pub fn with_rule_texts(mut self, rule_texts: RuleTexts) -> IncidentWriter {
+        self.rule_texts = rule_texts;
         self
     }
 
@@ -298,6 +309,14 @@ impl IncidentWriter {
             }
             TriggerReason::Late => ("late", None, None),
             TriggerReason::Request => ("request", None, None),
+            TriggerReason::Rule { .. } => ("trigger", None, None),
+        };
+        let condition = match trigger.reason {
+            TriggerReason::Rule { id } => {
+                let condition = self.rule_texts.condition(id);
+                Some(condition.unwrap_or_else(|| format!("that of rule {id}, which was removed")))
+            }
+            _ => None,
         };
         // `nets` lists all nets of the recording; those without a plan are listed separately.
         let ago = Duration::from_nanos(monotonic_ns().saturating_sub(trigger.stamp_ns));
@@ -316,6 +335,7 @@ impl IncidentWriter {
             reason: reason.to_owned(),
             net,
             fault,
+            condition,
             cycle: trigger.cycle,
             time: wall_time_before(ago),
             others: trigger.others,

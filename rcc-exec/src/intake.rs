@@ -29,6 +29,7 @@ use tracing::warn;
 use crate::boards::{EngineReply, EngineRequest};
 use crate::incidents::{self, RecordingResults};
 use crate::net_builder::{BuildContext, BuildRequest, BuildSource, NetBuilderThread};
+use crate::rule_texts::RuleTexts;
 
 mod builds;
 mod drivers;
@@ -36,7 +37,6 @@ mod rules;
 
 use builds::{BuildState, ReadyCommand};
 use drivers::DriverLinks;
-use rules::RuleTexts;
 
 /// Maximum time between two rounds when nothing is awaited: drivers and shutdown are looked at then.
 const IDLE_MAX: Duration = Duration::from_millis(2);
@@ -160,6 +160,13 @@ impl Intake {
     ) -> Intake {
         self.incident_writer = incident_writer;
         self.recordings = recordings;
+        self
+    }
+
+    /// Keeps the texts of rules where others can read them.
+    #[must_use]
+    pub fn with_rule_texts(mut self, rule_texts: RuleTexts) -> Intake {
+        self.rule_texts = rule_texts;
         self
     }
 

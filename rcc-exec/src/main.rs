@@ -30,6 +30,7 @@ use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, Recordin
 use rcc_exec::intake::{Intake, IntakeConfig};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
+use rcc_exec::rule_texts::RuleTexts;
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{BoardError, BoardReader, Cell, CommandWriter, Session};
@@ -138,11 +139,16 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
         prepared,
         recordings,
     } = flight_recorder(config, &cell, session.incarnation());
-    let incident_writer = incident_writer.map(|writer| writer.with_event_log(recorder.clone()));
+    let rule_texts = RuleTexts::default();
+    let incident_writer = incident_writer.map(|writer| {
+        let writer = writer.with_event_log(recorder.clone());
+        writer.with_rule_texts(rule_texts.clone())
+    });
     let intake = Intake::new(session, server, requests, replies, intake_config)?;
     let intake = intake
         .with_event_log(recorder.clone())
-        .with_incident_writer(prepared, recordings);
+        .with_incident_writer(prepared, recordings)
+        .with_rule_texts(rule_texts);
     let pump = Pump::new(records, events, publisher, names);
     let pump = pump.with_event_log(&cell, recorder.clone());
     spawn_helpers(&helpers, intake, pump, incident_writer)?;

@@ -153,3 +153,103 @@ fn a_recording_that_cannot_be_written_is_an_error() {
     );
     cell.stop();
 }
+
+/// Holds the arm until CANCEL.
+const HOLD: &str = "net: hold
+primitives:
+  cancel: {type: Cancel}
+  time: {type: Time}
+  state: {type: JointState, parameters: {device: lwr}}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: state.hold}}
+  end: {type: Termination, inputs: {done: cancel.requested}}
+discard: [state.position, time.out]
+";
+
+#[test]
+fn an_armed_condition_records_the_seconds_before_it_became_true_once() {
+    let cell = TestCell::demo();
+    let hold = cell.load(HOLD);
+    // Without the name of the net: only one has this output.
+    let armed = json(&cell, &["incidents", "arm", "time.out > 1.5"]);
+    let armed = armed["rules"][0]["rule"].to_string();
+    // Conditions live in the executor.
+    let dead = cell.kill(Role::Loader, "loader");
+    cell.await_successor(Role::Loader, "loader", dead);
+    let rows = json(&cell, &["incidents", "armed"]);
+    assert_eq!(rows[0]["state"], "armed", "{rows}");
+    assert_eq!(rows[0]["when"], "time.out > 1.5", "{rows}");
+    cell.cli_exits(0, &["start", &hold.to_string()]);
+
+    let row = incident(&cell, "trigger");
+    assert_eq!(row["condition"], "time.out > 1.5", "{row}");
+    let started = number(&cell.state(hold)["started_cycle"]);
+    let at = number(&row["cycle"]);
+    // 1.501 s is computed in the 1502nd evaluation, and judged in the cycle after it.
+    assert_eq!(at, started + 1502, "{row}");
+    assert!(number(&row["first_cycle"]) <= started, "{row}");
+    assert!(number(&row["last_cycle"]) > at, "{row}");
+    let file = row["file"].as_str().expect("a path");
+    let result = json(&cell, &["replay", file]);
+    assert_eq!(result["nets"][0]["identical"], true, "{result}");
+    assert_eq!(result["rules"]["held"], 1, "{result}");
+    assert_eq!(result["rules"]["reproduced"], 1, "{result}");
+
+    let rows = json(&cell, &["incidents", "armed"]);
+    assert_eq!(rows[0]["state"], "fired", "{rows}");
+    assert_eq!(rows[0]["recorded"]["recordings"], 1, "{rows}");
+    assert_eq!(rows[0]["recorded"]["cycle"], at, "{rows}");
+    // The value stays above the limit, and nothing is recorded again: the next file is the one on request.
+    json(&cell, &["incidents", "record"]);
+    let all = json(&cell, &["incidents"]);
+    assert_eq!(all.as_array().map(Vec::len), Some(2), "{all}");
+    cell.cli_exits(0, &["incidents", "disarm", &armed]);
+    assert_eq!(
+        json(&cell, &["incidents", "armed"]),
+        Value::Array(Vec::new())
+    );
+    cell.cli_exits(0, &["cancel", &hold.to_string()]);
+    cell.await_end(hold);
+    cell.stop();
+}
+
+#[test]
+fn a_condition_that_cannot_be_judged_is_refused_with_what_to_do() {
+    let cell = TestCell::demo();
+    let (_, words) = cell.cli_exits(1, &["incidents", "disarm", "7"]);
+    assert!(words.contains("RCC3052"), "{words}");
+    let refused = |condition: &str| cell.cli_exits(3, &["incidents", "arm", condition]).1;
+    let words = refused("time.out > 1.5");
+    assert!(
+        words.contains("RCC3051") && words.contains("load the net"),
+        "{words}"
+    );
+    let first = cell.load(HOLD);
+    cell.load(&HOLD.replace("net: hold", "net: other"));
+    for (condition, help) in [
+        ("time.out > 1.5", "NET.time.out"),
+        ("hold.time.oout > 1.5", "did you mean `out`"),
+        ("hold.tme.out > 1.5", "did you mean `time`"),
+        ("hold.time.out > 1.5 s", "`and`"),
+        ("hold.time.out", "compare it"),
+        ("hold.state.hold > 1", "state.hold[0]"),
+        ("hold.state.hold[7] > 1", "0 to 6"),
+        ("hold.cancel.requested > 1", "not cancel.requested"),
+    ] {
+        let words = refused(condition);
+        assert!(words.contains("RCC3051") && words.contains(help), "{words}");
+    }
+    assert_eq!(
+        json(&cell, &["incidents", "armed"]),
+        Value::Array(Vec::new())
+    );
+    // A rule that acts is none of these, and is not removed as one.
+    let rule =
+        serde_json::json!({"rules": [{"when": "hold.state == terminated", "stop": "other"}]});
+    let reply = cell.rest("POST", "/rules", &rule.to_string());
+    assert_eq!(reply.status, 200, "{reply:?}");
+    let rule = reply.body["rules"][0]["rule"].to_string();
+    let (_, words) = cell.cli_exits(2, &["incidents", "disarm", &rule]);
+    assert!(words.contains("rules remove"), "{words}");
+    cell.done(first, "unload");
+    cell.stop();
+}

@@ -54,6 +54,18 @@ class Cell:
         """Writes the last seconds of the flight recorder to a file of the cell, and returns its name."""
         return run(self._inner.incident())
 
+    def arm(self, condition: str, *, times: int = 1, distance: float = 10.0, edge: bool = False) -> int:
+        """Writes the last seconds of the flight recorder when a condition such as `ft.fz > 30` becomes true."""
+        return run(self._inner.arm(condition, times=times, distance=distance, edge=edge))
+
+    def armed(self) -> list[api.RuleView]:
+        """The conditions of `arm`, and those that have fired, with what they recorded."""
+        return run(self._inner.armed())
+
+    def disarm(self, number: int) -> None:
+        """Disarms a condition."""
+        run(self._inner.disarm(number))
+
     def load(self, net: Text) -> Command:
         """LOAD: returns the command when it is ready; raises `NetRejected` with all faults."""
         return Command(run(self._inner.load(net)))

@@ -122,6 +122,26 @@ class AsyncCell:
         frozen = cast(api.Frozen, await self._ask("POST", "/incidents", timeout=60.0))
         return frozen["file"]
 
+    async def arm(self, condition: str, *, times: int = 1, distance: float = 10.0, edge: bool = False) -> int:
+        """Writes the last seconds of the flight recorder when a condition such as `ft.fz > 30` becomes true.
+
+        The executor judges it in every cycle. It records `times` times, at least `distance` seconds apart; with `edge`
+        not if it is true already. Returns the number for `disarm`.
+        """
+        record: api.RecordBody = {"times": times, "distance_ms": round(distance * 1000), "edge": edge}
+        rule: api.RuleBody = {"when": condition, "record": record, "on_client_loss": "go on"}
+        installed = cast(api.RulesInstalled, await self._ask("POST", "/rules", json={"rules": [rule]}))
+        return installed["rules"][0]["rule"]
+
+    async def armed(self) -> list[api.RuleView]:
+        """The conditions of `arm`, and those that have fired, with what they recorded."""
+        rules = cast("list[api.RuleView]", await self._ask("GET", "/rules"))
+        return [rule for rule in rules if rule.get("record")]
+
+    async def disarm(self, number: int) -> None:
+        """Disarms a condition."""
+        await self._ask("DELETE", f"/rules/{number}")
+
     async def load(self, net: Text) -> AsyncCommand:
         """LOAD: returns the command when it is ready; raises `NetRejected` with all faults."""
         await self._check_held(net)

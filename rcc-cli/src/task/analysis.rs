@@ -124,6 +124,12 @@ fn fires(terms: &[ConditionTerm]) -> String {
                 command,
                 primitive,
                 port,
+            }
+            | ConditionTerm::Compare {
+                command,
+                primitive,
+                port,
+                ..
             } => format!("in the cycle after {command} computes {primitive}.{port}"),
             ConditionTerm::Topic { topic } => format!("in the cycle after {topic} is published"),
             ConditionTerm::Not | ConditionTerm::And | ConditionTerm::Or => continue,
@@ -145,6 +151,11 @@ fn then(rule: &RuleBody) -> String {
         let names: Vec<&str> = named(list).collect();
         (!names.is_empty()).then(|| format!("{what} {}", names.join(", ")))
     });
+    let record = rule.record.map(|record| match record.times {
+        1 => "record an incident".to_owned(),
+        times => format!("record up to {times} incidents"),
+    });
+    let parts = parts.chain(record);
     parts.collect::<Vec<_>>().join("; ")
 }
 

@@ -106,6 +106,9 @@ fn link(parts: &mut [PrimitiveInfo], names: &[String], term: &ConditionTerm) -> 
         ConditionTerm::State { state, .. } => state.name().to_owned(),
         ConditionTerm::Value {
             primitive, port, ..
+        }
+        | ConditionTerm::Compare {
+            primitive, port, ..
         } => format!("{primitive}.{port}"),
         _ => return None,
     };

@@ -1,5 +1,5 @@
-//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now; `incidents fetch` downloads
-//! one. The list is read from files of the state folder, so it works while every process of the cell is dead, and after its
+//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now, `incidents arm` when a
+//! condition becomes true; `incidents fetch` downloads one. The list is read from files of the state folder, so it works while every process of the cell is dead, and after its
 //! end; with `--url` the loader gives it.
 
 use std::path::{Path, PathBuf};
@@ -10,6 +10,7 @@ use rcc_api::codes;
 use rcc_api::incidents::IncidentFolder;
 use rcc_engine::incident::IncidentHead;
 
+use self::arm::ArmArguments;
 use self::fetch::FetchArguments;
 use crate::context::Context;
 use crate::evidence::Evidence;
@@ -17,6 +18,7 @@ use crate::failure::Failure;
 use crate::output::print_note;
 use crate::table;
 
+mod arm;
 mod fetch;
 
 /// Interval between two checks for the requested file.
@@ -38,6 +40,16 @@ pub struct Arguments {
 enum IncidentsCommand {
     /// Record the last seconds to a file now
     Record,
+    /// Record the last seconds when a condition becomes true, such as 'ft.fz > 30'
+    Arm(ArmArguments),
+    /// List the armed conditions, and those that have fired
+    Armed,
+    /// Disarm conditions
+    Disarm {
+        /// Numbers of the conditions
+        #[arg(required = true)]
+        numbers: Vec<u64>,
+    },
     /// Download an incident file
     Fetch(FetchArguments),
 }
@@ -60,6 +72,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         }
         Some(IncidentsCommand::Fetch(arguments)) => fetch::run(context, arguments),
         Some(IncidentsCommand::Record) => record(context),
+        Some(IncidentsCommand::Arm(arguments)) => arm::arm(context, arguments),
+        Some(IncidentsCommand::Armed) => arm::list(context),
+        Some(IncidentsCommand::Disarm { numbers }) => arm::disarm(context, &numbers),
     }
 }
 
@@ -111,7 +126,11 @@ fn list(rows: &[IncidentView]) -> String {
         lines.add_row([
             clean(row.time.get(..19).unwrap_or(&row.time)),
             clean(&row.cell),
-            clean(&description(&row.reason, row.fault.as_deref(), row.others)),
+            clean(&description(
+                &row.reason,
+                row.fault.as_deref().or(row.condition.as_deref()),
+                row.others,
+            )),
             clean(row.name.as_deref().unwrap_or("–")),
             table::grouped(row.cycle),
             format!("{:.1} s", row.span_s),
@@ -123,13 +142,14 @@ fn list(rows: &[IncidentView]) -> String {
 
 /// Describes why a recording was frozen.
 pub(super) fn reason(head: &IncidentHead) -> String {
-    description(&head.reason, head.fault.as_deref(), head.others)
+    let detail = head.fault.as_deref().or(head.condition.as_deref());
+    description(&head.reason, detail, head.others)
 }
 
-fn description(reason: &str, fault: Option<&str>, others: u64) -> String {
+fn description(reason: &str, detail: Option<&str>, others: u64) -> String {
     let mut reason = reason.to_owned();
-    if let Some(fault) = fault {
-        reason = format!("{reason}: {fault}");
+    if let Some(detail) = detail {
+        reason = format!("{reason}: {detail}");
     }
     match others {
         0 => reason,

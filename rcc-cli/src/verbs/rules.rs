@@ -173,6 +173,19 @@ fn list(rules: &[RuleView]) -> String {
     table::text(&rows)
 }
 
+/// How often a rule that records has recorded.
+pub(super) fn recorded(rule: &RuleView) -> Option<String> {
+    let (record, recorded) = (rule.record?, rule.recorded.unwrap_or_default());
+    let skipped = match recorded.skipped {
+        0 => String::new(),
+        skipped => format!(", {skipped} skipped"),
+    };
+    Some(format!(
+        "{} of {}{skipped}",
+        recorded.recordings, record.times
+    ))
+}
+
 /// What follows, one line for each kind.
 fn then(rule: &RuleView) -> String {
     let lists = [
@@ -182,5 +195,6 @@ fn then(rule: &RuleView) -> String {
     ];
     let lines = lists.into_iter().filter(|(_, names)| !names.is_empty());
     let lines = lines.map(|(what, names)| format!("{what} {}", names.join(", ")));
+    let lines = lines.chain(recorded(rule).map(|recorded| format!("record, {recorded}")));
     lines.collect::<Vec<_>>().join("\n")
 }

@@ -11,8 +11,8 @@ pub use records::{
     EventPage, EventSourceView, EventView, HistoryPage, IncidentView, MonitoredValue,
 };
 pub use rules::{
-    CommandList, LeaseBody, LeaseCommands, LeaseDone, LeaseGranted, OnClientLoss, RuleBody,
-    RuleNumber, RuleView, RulesBody, RulesInstalled,
+    CommandList, LeaseBody, LeaseCommands, LeaseDone, LeaseGranted, OnClientLoss, RecordBody,
+    RecordedView, RuleBody, RuleNumber, RuleView, RulesBody, RulesInstalled,
 };
 
 /// An error, with the same codes as on the command line.

@@ -6,7 +6,7 @@ use rcc_core::topic::Topic;
 use rcc_core::types::Store;
 use rcc_language::condition::ConditionTerm;
 use rcc_language::names::Names;
-use rcc_protocol::rules::RuleTerm;
+use rcc_protocol::rules::{Limit, RuleTerm};
 
 use crate::codes;
 use crate::error::ApiError;
@@ -15,7 +15,8 @@ use crate::error::ApiError;
 /// `names` the names of its net.
 ///
 /// # Errors
-/// Returns an error if a command, an outcome or an output does not exist, or the output is not a single `Bool`.
+/// Returns an error if a command, an outcome or an output does not exist, or the output is not of one element or not of
+/// the type that the term needs.
 pub fn resolve(
     rule: &str,
     term: &ConditionTerm,
@@ -50,8 +51,48 @@ pub fn resolve(
             port,
         } => {
             let command = id_of(command)?;
-            let slot = slot_of(rule, &names(command), primitive, port)?;
+            let (store, slot) = element_of(rule, &names(command), primitive, port)?;
+            if store != Store::Bool {
+                let help = format!("compare it: `{primitive}.{port} > …`, `<`, `>=` or `<=`");
+                let message = format!("`{primitive}.{port}` is a number, not Bool");
+                return Err(bad(rule, &message, help));
+            }
             RuleTerm::Value { command, slot }
+        }
+        ConditionTerm::Compare {
+            command,
+            primitive,
+            port,
+            relation,
+            limit,
+        } => {
+            let command = id_of(command)?;
+            let (store, slot) = element_of(rule, &names(command), primitive, port)?;
+            let limit = match store {
+                Store::Real => Limit::Real(*limit),
+                Store::Int if limit.fract() == 0.0 && limit.abs() < 9e15 => {
+                    Limit::Int(*limit as i64)
+                }
+                Store::Int => {
+                    let message = format!("`{primitive}.{port}` is Int, and {limit} is not");
+                    return Err(bad(
+                        rule,
+                        &message,
+                        "compare it with a whole number".to_owned(),
+                    ));
+                }
+                Store::Bool => {
+                    let message = format!("`{primitive}.{port}` is Bool, not a number");
+                    let help = format!("write `{primitive}.{port}` or `not {primitive}.{port}`");
+                    return Err(bad(rule, &message, help));
+                }
+            };
+            RuleTerm::Compare {
+                command,
+                slot,
+                relation: *relation,
+                limit,
+            }
         }
     })
 }
@@ -76,22 +117,49 @@ fn number_of(rule: &str, outcome: &str, outcomes: &[String]) -> Result<u32, ApiE
     Err(ApiError::new(codes::BAD_CONDITION, message, help))
 }
 
-/// Slot of an output of type Bool.
-fn slot_of(rule: &str, names: &Names, primitive: &str, port: &str) -> Result<u32, ApiError> {
-    let bad = |message: String, help: String| {
-        let message = format!("rule `{rule}`: {message}");
-        Err(ApiError::new(codes::BAD_CONDITION, message, help))
-    };
+fn bad(rule: &str, message: &str, help: String) -> ApiError {
+    let message = format!("rule `{rule}`: {message}");
+    ApiError::new(codes::BAD_CONDITION, message, help)
+}
+
+/// Name of a port, and the index of one of its elements if there is one: `joints[2]`. `None` if the index is not one.
+#[must_use]
+pub fn port_and_element(port: &str) -> Option<(&str, Option<u32>)> {
+    match port.split_once('[') {
+        None => Some((port, None)),
+        Some((name, index)) => Some((name, Some(index.strip_suffix(']')?.parse().ok()?))),
+    }
+}
+
+/// Returns true if the net has the output, whatever its type and the index of its element.
+#[must_use]
+pub fn has_output(names: &Names, primitive: &str, port: &str) -> bool {
+    let port = port.split('[').next().unwrap_or_default();
+    let mut primitives = names.primitives.iter();
+    let found = primitives.find(|known| known.id == primitive);
+    found.is_some_and(|found| found.outputs.iter().any(|output| output.name == port))
+}
+
+/// Arena and slot of an output of one element, or of one element of an output.
+fn element_of(
+    rule: &str,
+    names: &Names,
+    primitive: &str,
+    port: &str,
+) -> Result<(Store, u32), ApiError> {
     let ids = names.primitives.iter().map(|known| known.id.as_str());
     let Some(found) = names.primitives.iter().find(|known| known.id == primitive) else {
         let help = match closest(primitive, ids) {
             Some(near) => format!("did you mean `{near}`?"),
             None => "name a primitive of the net; `rcc-cli watch` lists its ports".to_owned(),
         };
-        return bad(
-            format!("{} has no primitive `{primitive}`", names.net),
-            help,
-        );
+        let message = format!("{} has no primitive `{primitive}`", names.net);
+        return Err(bad(rule, &message, help));
+    };
+    let Some((port, element)) = port_and_element(port) else {
+        let help = "write the index of an element as a number, counted from 0: `ik.joints[2]`";
+        let message = format!("`{primitive}.{port}` has an invalid index");
+        return Err(bad(rule, &message, help.to_owned()));
     };
     let outputs = || found.outputs.iter().map(|known| known.name.as_str());
     let Some(output) = found.outputs.iter().find(|known| known.name == port) else {
@@ -102,14 +170,28 @@ fn slot_of(rule: &str, names: &Names, primitive: &str, port: &str) -> Result<u32
                 outputs().collect::<Vec<_>>().join(", ")
             ),
         };
-        return bad(format!("`{primitive}` has no output `{port}`"), help);
+        return Err(bad(
+            rule,
+            &format!("`{primitive}` has no output `{port}`"),
+            help,
+        ));
     };
-    if output.store != Store::Bool || output.width != 1 {
-        let help = "compare it in the net, for example by `Greater`, and name that output";
-        let message = format!("`{primitive}.{port}` is {}, not Bool", output.type_name);
-        return bad(message, help.to_owned());
+    let last = output.width.saturating_sub(1);
+    match element.unwrap_or(0) {
+        0 if element.is_none() && output.width != 1 => {
+            let message = format!(
+                "`{primitive}.{port}` is {}, not one value",
+                output.type_name
+            );
+            let help = format!("name one element: `{primitive}.{port}[0]` to `[{last}]`");
+            Err(bad(rule, &message, help))
+        }
+        element if element > last => {
+            let message = format!("`{primitive}.{port}` has no element {element}");
+            Err(bad(rule, &message, format!("its elements are 0 to {last}")))
+        }
+        element => Ok((output.store, output.slot + element)),
     }
-    Ok(output.slot)
 }
 
 #[cfg(test)]

@@ -87,6 +87,7 @@ pub fn view(file: &Path, head: IncidentHead, command: Option<&[u8]>) -> Incident
         reason: head.reason,
         net: head.net,
         fault: head.fault,
+        condition: head.condition,
         cycle: head.cycle,
         time: head.time,
         others: head.others,

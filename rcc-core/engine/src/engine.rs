@@ -22,6 +22,7 @@ mod leases;
 mod lifecycle;
 mod rates;
 mod requests;
+mod rule_checks;
 mod rule_table;
 mod rules;
 mod timing;

@@ -60,12 +60,15 @@ pub struct IncidentHead {
     pub period_ns: u64,
     /// Names of the devices, in order of their index.
     pub devices: Vec<String>,
-    /// `fault`, `late` or `request`.
+    /// `fault`, `late`, `request` or `trigger`.
     pub reason: String,
     /// Id of the net that ended with the fault, if the reason is one.
     pub net: Option<u64>,
     /// The fault in words, without names, if the reason is one.
     pub fault: Option<String>,
+    /// The condition that became true, if the reason is a trigger.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition: Option<String>,
     /// Cycle in which the recording was triggered.
     pub cycle: u64,
     /// Wall-clock time of the trigger, UTC.

@@ -63,6 +63,11 @@ pub enum TriggerReason {
     Late,
     /// Requested by a client.
     Request,
+    /// The condition of a rule that records became true.
+    Rule {
+        /// Id of the rule.
+        id: u64,
+    },
 }
 
 /// What triggered the freezing of a recording, and when.

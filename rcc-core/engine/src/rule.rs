@@ -197,7 +197,8 @@ impl CommandFacts {
         )
     }
 
-    /// Judges a term about this command. `slot` is the value of a `Value` term, as the last evaluation left it.
+    /// Judges a term about this command. `slot` is the value of a `Value` or `Compare` term, as the last evaluation left
+    /// it.
     #[must_use]
     pub fn judge(self, term: &RuleTerm, slot: u8) -> Judgement {
         if self.state == CommandState::None {
@@ -219,7 +220,7 @@ impl CommandFacts {
             }
             RuleTerm::Reason { reason, .. } => at_end(self.reason as u32 == reason),
             RuleTerm::Outcome { outcome, .. } => at_end(self.outcome == outcome),
-            RuleTerm::Value { .. } => {
+            RuleTerm::Value { .. } | RuleTerm::Compare { .. } => {
                 let evaluated = self.state.is_active() || ended;
                 TruthSet::of_slot(if evaluated { slot } else { NULL_BOOL })
             }

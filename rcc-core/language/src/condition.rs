@@ -3,9 +3,13 @@
 
 use rcc_config::diagnostic::closest;
 use rcc_core::message::{CommandState, EndReason};
+use rcc_protocol::rules::Relation;
+use tokens::{Token, tokens};
+
+mod tokens;
 
 /// One element of a condition in postfix notation.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ConditionTerm {
     /// `true`.
     True,
@@ -39,6 +43,19 @@ pub enum ConditionTerm {
         /// Name of its output.
         port: String,
     },
+    /// `line.ft.fz > 30`.
+    Compare {
+        /// Name of the command.
+        command: String,
+        /// Id of the primitive.
+        primitive: String,
+        /// Name of its output, with an index if it has several elements.
+        port: String,
+        /// The comparison.
+        relation: Relation,
+        /// What the value is compared with, in the unit of the port; finite.
+        limit: f64,
+    },
     /// `topic(flange/touches)`.
     Topic {
         /// Name of the topic.
@@ -60,7 +77,8 @@ impl ConditionTerm {
             ConditionTerm::State { command, .. }
             | ConditionTerm::Reason { command, .. }
             | ConditionTerm::Outcome { command, .. }
-            | ConditionTerm::Value { command, .. } => Some(command),
+            | ConditionTerm::Value { command, .. }
+            | ConditionTerm::Compare { command, .. } => Some(command),
             _ => None,
         }
     }
@@ -101,6 +119,19 @@ const REASONS: [EndReason; 4] = [
 /// # Errors
 /// Returns the first fault with its place.
 pub fn parse(text: &str) -> Result<Vec<ConditionTerm>, ConditionError> {
+    parse_text(text, false)
+}
+
+/// As [`parse`], but an output may also be named as `primitive.port`: its command is the empty name, for whoever knows
+/// which commands there are.
+///
+/// # Errors
+/// Returns the first fault with its place.
+pub fn parse_short(text: &str) -> Result<Vec<ConditionTerm>, ConditionError> {
+    parse_text(text, true)
+}
+
+fn parse_text(text: &str, short: bool) -> Result<Vec<ConditionTerm>, ConditionError> {
     let tokens = tokens(text)?;
     let mut parser = Parser {
         tokens: &tokens,
@@ -108,6 +139,7 @@ pub fn parse(text: &str) -> Result<Vec<ConditionTerm>, ConditionError> {
         end: text.chars().count() + 1,
         terms: Vec::new(),
         depth: 0,
+        short,
     };
     parser.either()?;
     match parser.peek() {
@@ -137,8 +169,13 @@ pub fn with_commands(text: &str, name_of: &dyn Fn(&str) -> String) -> String {
             token.map(|(_, token)| token)
         };
         // What is compared with is no command, and neither is the name of a topic.
-        let is_value = matches!(before(1), Some(Token::Equal | Token::Unequal));
-        let is_topic = matches!(before(2), Some(Token::Word(word)) if word == "topic");
+        let is_value = matches!(
+            before(1),
+            Some(Token::Equal | Token::Unequal | Token::Compare(_))
+        );
+        let called = |name: &str| name == "topic" || name == "deg";
+        let is_topic = matches!(before(2), Some(Token::Word(word)) if called(word))
+            && matches!(before(1), Some(Token::Open));
         let Some((command, what)) = word.split_once('.').filter(|_| !is_value && !is_topic) else {
             continue;
         };
@@ -153,62 +190,14 @@ pub fn with_commands(text: &str, name_of: &dyn Fn(&str) -> String) -> String {
     out
 }
 
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Token {
-    Word(String),
-    Equal,
-    Unequal,
-    Open,
-    Close,
-}
-
-fn is_word(character: char) -> bool {
-    character.is_alphanumeric() || "_-#./[]".contains(character)
-}
-
-fn tokens(text: &str) -> Result<Vec<(usize, Token)>, ConditionError> {
-    let mut tokens = Vec::new();
-    let mut characters = text.chars().zip(1..).peekable();
-    while let Some((character, column)) = characters.next() {
-        let next = characters.peek().map(|(next, _)| *next);
-        let token = match (character, next) {
-            ('=', Some('=')) | ('!', Some('=')) => {
-                characters.next();
-                match character {
-                    '=' => Token::Equal,
-                    _ => Token::Unequal,
-                }
-            }
-            ('(', _) => Token::Open,
-            (')', _) => Token::Close,
-            (space, _) if space.is_whitespace() => continue,
-            (first, _) if is_word(first) => {
-                let mut word = String::from(first);
-                while let Some((next, _)) = characters.next_if(|(next, _)| is_word(*next)) {
-                    word.push(next);
-                }
-                Token::Word(word)
-            }
-            (other, _) => {
-                return Err(ConditionError {
-                    column,
-                    message: format!("unexpected `{}`", other.escape_debug()),
-                    help: "a condition has names, `==`, `!=`, `and`, `or`, `not`, `topic(…)` and parentheses"
-                        .to_owned(),
-                });
-            }
-        };
-        tokens.push((column, token));
-    }
-    Ok(tokens)
-}
-
 struct Parser<'t> {
     tokens: &'t [(usize, Token)],
     at: usize,
     end: usize,
     terms: Vec<ConditionTerm>,
     depth: usize,
+    /// Outputs may be named without their command.
+    short: bool,
 }
 
 impl Parser<'_> {
@@ -318,7 +307,7 @@ impl Parser<'_> {
 
     /// `line.outcome == touched`, `line.touch.out`.
     fn about_command(&mut self, word: &str) -> Result<(), ConditionError> {
-        let Some((command, what)) = word.split_once('.') else {
+        let Some((first, what)) = word.split_once('.') else {
             return Err(self.fault(
                 format!("`{word}` is not a condition"),
                 format!(
@@ -327,22 +316,21 @@ impl Parser<'_> {
                 ),
             ));
         };
-        let command = command.to_owned();
+        let command = first.to_owned();
         if ["state", "reason", "outcome"].contains(&what) {
             self.at += 1;
             return self.comparison(command, what);
         }
-        let Some((primitive, port)) = what.rsplit_once('.') else {
-            let known = ["state", "reason", "outcome"];
-            let help = match closest(what, known) {
-                Some(near) => format!("did you mean `{command}.{near}`?"),
-                None => format!(
-                    "write `{command}.outcome`, `.state` or `.reason`, or an output `{command}.{what}.out`"
-                ),
-            };
-            return Err(self.fault(format!("`{word}` is neither a state nor an output"), help));
+        let is_compared = matches!(
+            self.tokens.get(self.at + 1),
+            Some((_, Token::Equal | Token::Unequal))
+        );
+        let (command, primitive, port) = match what.rsplit_once('.') {
+            Some((primitive, port)) => (command, primitive, port),
+            None if self.short && !is_compared => (String::new(), first, what),
+            None => return Err(self.neither_state_nor_output(word, &command, what)),
         };
-        if command.is_empty() || primitive.is_empty() || port.is_empty() {
+        if word.starts_with('.') || primitive.is_empty() || port.is_empty() {
             return Err(self.fault(
                 format!("`{word}` lacks a name"),
                 "write `net.primitive.port`",
@@ -350,18 +338,69 @@ impl Parser<'_> {
         }
         let (primitive, port) = (primitive.to_owned(), port.to_owned());
         self.at += 1;
-        if matches!(self.peek(), Some(Token::Equal | Token::Unequal)) {
-            return Err(self.fault(
-                "an output of type Bool is not compared",
-                format!("write `{word}` or `not {word}`"),
-            ));
-        }
-        self.terms.push(ConditionTerm::Value {
-            command,
-            primitive,
-            port,
-        });
+        let term = match self.peek().cloned() {
+            Some(Token::Equal | Token::Unequal) => {
+                return Err(self.fault(
+                    "an output is not compared by `==` or `!=`",
+                    format!("write `{word}` or `not {word}` for a Bool, `{word} > …` or `{word} < …` for a number"),
+                ));
+            }
+            Some(Token::Compare(relation)) => {
+                self.at += 1;
+                ConditionTerm::Compare {
+                    command,
+                    primitive,
+                    port,
+                    relation,
+                    limit: self.limit()?,
+                }
+            }
+            _ => ConditionTerm::Value {
+                command,
+                primitive,
+                port,
+            },
+        };
+        self.terms.push(term);
         Ok(())
+    }
+
+    fn neither_state_nor_output(&self, word: &str, command: &str, what: &str) -> ConditionError {
+        let known = ["state", "reason", "outcome"];
+        let help = match closest(what, known) {
+            Some(near) => format!("did you mean `{command}.{near}`?"),
+            None => format!(
+                "write `{command}.outcome`, `.state` or `.reason`, or an output `{command}.{what}.out`"
+            ),
+        };
+        self.fault(format!("`{word}` is neither a state nor an output"), help)
+    }
+
+    /// A number, or an angle as `deg(30)`.
+    fn limit(&mut self) -> Result<f64, ConditionError> {
+        let in_degrees = self.take_word("deg");
+        if in_degrees && !self.take(&Token::Open) {
+            return Err(self.fault("expected `(` after `deg`", "for example `deg(30)`"));
+        }
+        let value = match self.peek() {
+            Some(Token::Word(word)) => word.parse::<f64>().ok(),
+            _ => None,
+        };
+        let Some(value) = value.filter(|value| value.is_finite()) else {
+            return Err(self.fault(
+                "expected a number after the comparison",
+                "in the unit of the port: `line.ft.fz > 30`, `line.arm.position[3] < deg(-20)`",
+            ));
+        };
+        self.at += 1;
+        if in_degrees && !self.take(&Token::Close) {
+            return Err(self.fault("expected `)` after the angle", "for example `deg(30)`"));
+        }
+        Ok(if in_degrees {
+            value.to_radians()
+        } else {
+            value
+        })
     }
 
     fn comparison(&mut self, command: String, what: &str) -> Result<(), ConditionError> {
@@ -418,118 +457,4 @@ impl Parser<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn outcome(command: &str, outcome: &str) -> ConditionTerm {
-        ConditionTerm::Outcome {
-            command: command.to_owned(),
-            outcome: outcome.to_owned(),
-        }
-    }
-
-    fn value(command: &str, primitive: &str, port: &str) -> ConditionTerm {
-        ConditionTerm::Value {
-            command: command.to_owned(),
-            primitive: primitive.to_owned(),
-            port: port.to_owned(),
-        }
-    }
-
-    #[test]
-    fn a_condition_becomes_postfix() {
-        let topic = ConditionTerm::Topic {
-            topic: "part/there".to_owned(),
-        };
-        let cases = [
-            ("true", vec![ConditionTerm::True]),
-            (
-                "guarded-move.outcome == touched",
-                vec![outcome("guarded-move", "touched")],
-            ),
-            (
-                "a#7.outcome != touched",
-                vec![outcome("a#7", "touched"), ConditionTerm::Not],
-            ),
-            (
-                "a.t.out or a.t.out and not topic(part/there)",
-                vec![
-                    value("a", "t", "out"),
-                    value("a", "t", "out"),
-                    topic.clone(),
-                    ConditionTerm::Not,
-                    ConditionTerm::And,
-                    ConditionTerm::Or,
-                ],
-            ),
-            (
-                "(a.t.out or #3.state == running) and a.arm.t.out",
-                vec![
-                    value("a", "t", "out"),
-                    ConditionTerm::State {
-                        command: "#3".to_owned(),
-                        state: CommandState::Running,
-                    },
-                    ConditionTerm::Or,
-                    value("a", "arm.t", "out"),
-                    ConditionTerm::And,
-                ],
-            ),
-            (
-                "a.reason == fault",
-                vec![ConditionTerm::Reason {
-                    command: "a".to_owned(),
-                    reason: EndReason::Fault,
-                }],
-            ),
-        ];
-        for (text, terms) in cases {
-            assert_eq!(parse(text), Ok(terms), "{text}");
-        }
-    }
-
-    #[test]
-    fn names_of_commands_are_replaced_and_nothing_else() {
-        let named = |name: &str| format!("{name}#1");
-        for (text, expected) in [
-            (
-                "a.outcome == b.c  or(d.e.f)",
-                "a#1.outcome == b.c  or(d#1.e.f)",
-            ),
-            (
-                "not topic(a.b) and x.state != ready",
-                "not topic(a.b) and x#1.state != ready",
-            ),
-            ("ä.t.out and true", "ä#1.t.out and true"),
-            ("a.outcome = b", "a.outcome = b"),
-        ] {
-            assert_eq!(with_commands(text, &named), expected);
-        }
-    }
-
-    #[test]
-    fn a_fault_has_its_place_and_a_remedy() {
-        for (text, column, part) in [
-            ("", 1, "outcome =="),
-            ("a.outcome", 10, "=="),
-            ("a.outcome = done", 11, "`==`"),
-            ("a.outcome == done b.t.out", 19, "`and`"),
-            ("a.outcme == done", 1, "a.outcome"),
-            ("a.state == runing", 12, "running"),
-            ("a.reason == touched", 13, "finished"),
-            ("line", 1, "line.outcome"),
-            ("a.t.out == true", 9, "not a.t.out"),
-            ("(a.t.out", 9, "close"),
-            ("topic part/there", 7, "topic(part/there)"),
-            ("not and", 5, "outcome =="),
-            ("a.t.out & b.t.out", 9, "`and`"),
-            ("a..out", 1, "net.primitive.port"),
-        ] {
-            let fault = parse(text).expect_err(text);
-            assert_eq!(fault.column, column, "{text}: {fault:?}");
-            assert!(fault.help.contains(part), "{text}: {fault:?}");
-        }
-        let deep = format!("{}true", "not ".repeat(100_000));
-        assert!(parse(&deep).is_err());
-    }
-}
+mod tests;

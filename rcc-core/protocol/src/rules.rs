@@ -23,8 +23,65 @@ pub const LEASE_MIN_NS: u64 = 50_000_000;
 /// Longest time after which a lease expires, ns.
 pub const LEASE_MAX_NS: u64 = 3_600_000_000_000;
 
-/// One element of a condition in postfix notation; every condition is three-valued, and a rule fires only on true.
+/// Maximum number of recordings that one rule makes.
+pub const RULE_RECORDINGS_MAX: u32 = 1000;
+/// Shortest time between two recordings of one rule, ns.
+pub const RECORD_DISTANCE_MIN_NS: u64 = 1_000_000_000;
+/// Longest time between two recordings of one rule, ns.
+pub const RECORD_DISTANCE_MAX_NS: u64 = 86_400_000_000_000;
+
+/// How a value is compared with a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Relation {
+    /// Less than the limit.
+    Below,
+    /// Less than the limit, or equal.
+    AtMost,
+    /// Greater than the limit.
+    Above,
+    /// Greater than the limit, or equal.
+    AtLeast,
+}
+
+impl Relation {
+    /// All relations with their signs.
+    pub const ALL: [(Relation, &'static str); 4] = [
+        (Relation::Below, "<"),
+        (Relation::AtMost, "<="),
+        (Relation::Above, ">"),
+        (Relation::AtLeast, ">="),
+    ];
+
+    /// Returns its sign.
+    #[must_use]
+    pub fn sign(self) -> &'static str {
+        let row = Self::ALL.iter().find(|row| row.0 == self);
+        row.map_or("", |row| row.1)
+    }
+
+    /// Compares; neither operand is null.
+    #[must_use]
+    pub fn holds<T: PartialOrd>(self, value: T, limit: T) -> bool {
+        match self {
+            Relation::Below => value < limit,
+            Relation::AtMost => value <= limit,
+            Relation::Above => value > limit,
+            Relation::AtLeast => value >= limit,
+        }
+    }
+}
+
+/// What a value is compared with; says in which arena the value is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Limit {
+    /// For a `Real`, in the unit of the port.
+    Real(f64),
+    /// For an `Int`.
+    Int(i64),
+}
+
+/// One element of a condition in postfix notation; every condition is three-valued, and a rule fires only on true.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum RuleTerm {
     /// True.
     True,
@@ -56,6 +113,18 @@ pub enum RuleTerm {
         /// Slot in the arena of `Bool`.
         slot: u32,
     },
+    /// A `Real` or `Int` slot of the command's net, as its last evaluation left it, compared with a limit; null before
+    /// the first evaluation, and while the value is null.
+    Compare {
+        /// Command id.
+        command: u64,
+        /// Slot in the arena that the limit says.
+        slot: u32,
+        /// The comparison.
+        relation: Relation,
+        /// What the value is compared with.
+        limit: Limit,
+    },
     /// A topic of type `Bool`; null while no running net publishes it.
     Topic {
         /// The topic.
@@ -77,7 +146,8 @@ impl RuleTerm {
             RuleTerm::State { command, .. }
             | RuleTerm::Reason { command, .. }
             | RuleTerm::Outcome { command, .. }
-            | RuleTerm::Value { command, .. } => Some(command),
+            | RuleTerm::Value { command, .. }
+            | RuleTerm::Compare { command, .. } => Some(command),
             RuleTerm::True
             | RuleTerm::Topic { .. }
             | RuleTerm::Not
@@ -87,11 +157,32 @@ impl RuleTerm {
     }
 }
 
+/// What a rule that records writes: the last seconds of the flight recorder, each time its condition becomes true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RuleRecording {
+    /// Number of recordings after which the rule has fired, 1 to [`RULE_RECORDINGS_MAX`].
+    pub times: u32,
+    /// Shortest time between two recordings, ns; a condition that becomes true sooner is counted and not recorded.
+    pub distance_ns: u64,
+    /// The condition must have been false or null after the installation; otherwise one that is true when the rule is
+    /// installed is recorded at once.
+    pub edge: bool,
+}
+
+impl RuleRecording {
+    /// Returns true if number and distance are within their bounds.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        (1..=RULE_RECORDINGS_MAX).contains(&self.times)
+            && (RECORD_DISTANCE_MIN_NS..=RECORD_DISTANCE_MAX_NS).contains(&self.distance_ns)
+    }
+}
+
 /// A rule: when the condition holds, commands are stopped and started as by a hand-over, and others are cancelled, all
-/// of it between the same two cycles, or nothing.
+/// of it between the same two cycles, or nothing. A rule that records does nothing else.
 ///
 /// Of fixed size, because the real-time thread keeps it; unused terms and ids are `None` and 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rule {
     /// The condition, in postfix notation.
     pub when: [Option<RuleTerm>; RULE_TERMS_MAX],
@@ -105,6 +196,8 @@ pub struct Rule {
     pub lease: u64,
     /// The rule stays when its lease is lost, and may start an arm without a lease.
     pub goes_on: bool,
+    /// It records, and does nothing else.
+    pub record: Option<RuleRecording>,
 }
 
 impl Rule {
@@ -116,6 +209,7 @@ impl Rule {
         start: [0; SWITCH_MAX],
         lease: 0,
         goes_on: false,
+        record: None,
     };
 
     /// Returns the terms of its condition.
@@ -221,6 +315,12 @@ pub struct RuleStatus {
     pub lease: u64,
     /// It stays when its lease is lost.
     pub goes_on: bool,
+    /// Recordings that it has made.
+    pub recordings: u32,
+    /// How often its condition became true too soon after its last recording.
+    pub skipped: u32,
+    /// Executor cycle of its last recording; 0: none.
+    pub recorded_cycle: u64,
 }
 
 impl RuleStatus {
@@ -233,6 +333,9 @@ impl RuleStatus {
         disarmed: None,
         lease: 0,
         goes_on: false,
+        recordings: 0,
+        skipped: 0,
+        recorded_cycle: 0,
     };
 }
 
@@ -258,6 +361,10 @@ pub enum RuleFault {
     NoLease,
     /// No such lease, or it has expired.
     LeaseUnknown,
+    /// The number of recordings or their distance is out of range.
+    Recording,
+    /// The rule records, and stops, cancels or starts commands.
+    RecordsOnly,
 }
 
 /// An installed rule with its texts, as the executor's intake thread lists it.

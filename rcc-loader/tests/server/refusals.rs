@@ -112,6 +112,8 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         rule(RuleFault::NeverFires),
         rule(RuleFault::NoLease),
         rule(RuleFault::LeaseUnknown),
+        rule(RuleFault::Recording),
+        rule(RuleFault::RecordsOnly),
     ];
     for refusal in refusals {
         let error = names.refusal(8, refusal);

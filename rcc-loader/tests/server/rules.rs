@@ -110,7 +110,15 @@ fn a_wrong_name_is_refused_with_what_is_probably_meant() {
         ("line.outcome == there", codes::BAD_CONDITION, "reason"),
         ("grip.lat.out", codes::BAD_CONDITION, "late"),
         ("grip.late.oot", codes::BAD_CONDITION, "out"),
-        ("grip.time.out", codes::BAD_CONDITION, "Greater"),
+        ("grip.time.out", codes::BAD_CONDITION, ">"),
+        ("grip.time.out[1] > 1", codes::BAD_CONDITION, "0 to 0"),
+        (
+            "grip.late.out > 1",
+            codes::BAD_CONDITION,
+            "not grip.late.out",
+        ),
+        ("grip.time.out[x] > 1", codes::BAD_CONDITION, "[2]"),
+        ("late.oot", codes::BAD_CONDITION, "load the net"),
         ("grap.outcome == held", codes::UNKNOWN_COMMAND, "grip"),
         ("grip.outcome", codes::BAD_CONDITION, "=="),
     ] {

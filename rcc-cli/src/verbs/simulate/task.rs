@@ -141,6 +141,13 @@ impl NamedTask {
             .iter()
             .map(|body| {
                 let name = body.name.as_deref().unwrap_or(&body.when);
+                if body.record.is_some() {
+                    return Err(ApiError::new(
+                        codes::NO_RECORDER,
+                        format!("rule `{name}` records, and a simulation has no flight recorder"),
+                        "remove the rule to simulate the task; `rcc-cli simulate NET --csv FILE` shows every cycle of one net",
+                    ));
+                }
                 let mut rule = Rule {
                     stop: self.ids(&body.stop)?,
                     cancel: self.ids(&body.cancel)?,

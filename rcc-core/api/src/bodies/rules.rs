@@ -48,8 +48,54 @@ pub enum OnClientLoss {
     GoOn,
 }
 
+/// When a rule that records writes an incident.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordBody {
+    /// Number of recordings after which the rule has fired, 1 to 1000.
+    #[serde(default = "once")]
+    pub times: u32,
+    /// Shortest time between two recordings, ms; 1000 to 86 400 000. A condition that becomes true sooner is counted
+    /// and not recorded.
+    #[serde(default = "ten_seconds")]
+    pub distance_ms: u64,
+    /// Do not record a condition that is true already when the rule is installed.
+    #[serde(default)]
+    pub edge: bool,
+}
+
+impl Default for RecordBody {
+    fn default() -> RecordBody {
+        RecordBody {
+            times: once(),
+            distance_ms: ten_seconds(),
+            edge: false,
+        }
+    }
+}
+
+fn once() -> u32 {
+    1
+}
+
+fn ten_seconds() -> u64 {
+    10_000
+}
+
+/// What a rule has recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct RecordedView {
+    /// Recordings so far.
+    pub recordings: u32,
+    /// How often its condition became true sooner than `distance_ms` after the last recording.
+    pub skipped: u32,
+    /// Executor cycle of the last recording.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycle: Option<u64>,
+}
+
 /// A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing
-/// changes.
+/// changes. A rule that records does nothing else.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RuleBody {
@@ -67,6 +113,9 @@ pub struct RuleBody {
     /// Ready commands that start.
     #[serde(default, skip_serializing_if = "CommandList::is_empty")]
     pub start: CommandList,
+    /// Each time the condition becomes true, the last seconds of the flight recorder are written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record: Option<RecordBody>,
     /// The client's lease; without it, that of the request.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lease: Option<u64>,
@@ -119,6 +168,12 @@ pub struct RuleView {
     pub cancel: Vec<String>,
     /// Commands that it starts.
     pub start: Vec<String>,
+    /// When it records, if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record: Option<RecordBody>,
+    /// What it has recorded, if it records.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded: Option<RecordedView>,
     /// `armed due fired refused expired disarmed`.
     pub state: String,
     /// Executor cycle in which it was installed, or in which it fired or ended otherwise.

@@ -28,7 +28,7 @@ pub(super) fn fault(rule: &str, net: &str, fault: RuleFault) -> (ErrorCode, Stri
         RuleFault::DoesNothing => (
             codes::RULE_REFUSED,
             format!("{rule} does nothing"),
-            "give it `stop`, `cancel` or `start`",
+            "give it `stop`, `cancel`, `start` or `record`",
         ),
         RuleFault::NamedTwice => (
             codes::RULE_REFUSED,
@@ -49,6 +49,16 @@ pub(super) fn fault(rule: &str, net: &str, fault: RuleFault) -> (ErrorCode, Stri
             codes::UNKNOWN_LEASE,
             "the lease does not exist, has expired or was ended".to_owned(),
             "ask for a new one: `POST /leases`, and renew it in time",
+        ),
+        RuleFault::Recording => (
+            codes::RULE_REFUSED,
+            format!("{rule}: `record` is out of range"),
+            "`times` is 1 to 1000, `distance_ms` is 1000 to 86 400 000",
+        ),
+        RuleFault::RecordsOnly => (
+            codes::RULE_REFUSED,
+            format!("{rule} records, and also stops, cancels or starts commands"),
+            "write two rules with the same condition: a rule that acts fires once, one that records may fire again",
         ),
     };
     (code, message, help.to_owned())

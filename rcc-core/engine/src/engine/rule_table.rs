@@ -15,6 +15,9 @@ pub(super) struct InstalledRule {
     pub(super) rows: [RowIndex; RULE_TERMS_MAX],
     /// The condition held in this cycle for the first time.
     pub(super) since_cycle: u64,
+    /// For a rule that records: the condition held when it was last judged, or its first recording waits until it has
+    /// not held.
+    pub(super) held: bool,
 }
 
 /// A set of rows of the table; bit r of word r / 64 is row r.
@@ -45,6 +48,7 @@ impl RuleTable {
             status: RuleStatus::NONE,
             rows: [RowIndex::FIRST; RULE_TERMS_MAX],
             since_cycle: 0,
+            held: false,
         };
         Box::new(RuleTable {
             rules: [none; RULES_MAX],
@@ -120,6 +124,7 @@ impl RuleTable {
             },
             rows,
             since_cycle: 0,
+            held: rule.record.is_some_and(|recording| recording.edge),
         };
         self.next_id += 1;
         self.pending += 1;

@@ -9,21 +9,23 @@ use rcc_core::message::{CommandState, EndReason};
 use rcc_core::types::NULL_BOOL;
 use rcc_protocol::control::{Refusal, SWITCH_MAX};
 use rcc_protocol::rules::{
-    DisarmReason, RULE_TERMS_MAX, RULES_MAX, RULES_PER_CYCLE, Rule, RuleFault, RuleState,
-    RuleStatus, RuleTerm,
+    DisarmReason, RULE_TERMS_MAX, RULES_MAX, RULES_PER_CYCLE, Rule, RuleFault, RuleRecording,
+    RuleState, RuleStatus, RuleTerm,
 };
 
 use super::Engine;
 use super::command_table::PendingTransition;
 use super::handover::{Handover, HandoverOutcome};
+use super::rule_checks::can_fire;
 use super::rule_table::{InstalledRule, RuleSet, disarmed, insert};
 use crate::boards::DeviceBoards;
 use crate::queue::{EngineEvent, EngineReply};
+use crate::record::TriggerReason;
 use crate::rows::{RowIndex, RowSet};
 use crate::rule::{CommandFacts, Judgement, TruthSet, judge};
 
 /// A refusal with the id of the command that it concerns; 0: none.
-type RuleRefusal = (u64, Refusal);
+pub(super) type RuleRefusal = (u64, Refusal);
 
 /// What becomes of a rule that is due.
 enum Firing {
@@ -53,97 +55,7 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(first)
     }
 
-    /// Checks a rule against the commands, resources and leases that there are now.
-    fn check_rule(&mut self, index: u32, rule: &Rule) -> Result<(), RuleRefusal> {
-        let fault = |fault| (0, Refusal::Rule { index, fault });
-        let mut targets = rule.targets().enumerate();
-        if rule.targets().next().is_none() {
-            return Err(fault(RuleFault::DoesNothing));
-        }
-        if targets.any(|(place, id)| rule.targets().take(place).any(|other| other == id)) {
-            return Err(fault(RuleFault::NamedTwice));
-        }
-        let arms = self.check_targets(index, rule)?;
-        if rule.lease != 0 && !self.leases.is_valid(rule.lease) {
-            return Err(fault(RuleFault::LeaseUnknown));
-        }
-        if arms != 0 && rule.lease == 0 && !rule.goes_on {
-            return Err(fault(RuleFault::NoLease));
-        }
-        for term in rule.terms() {
-            self.check_term(index, term)?;
-        }
-        let rows = self.rows_of_terms(rule);
-        let judgement = self.judge_rule(rule, &rows);
-        let judgement = judgement.ok_or_else(|| fault(RuleFault::Condition))?;
-        match judgement.can_hold() {
-            true => Ok(()),
-            false => Err(fault(RuleFault::NeverFires)),
-        }
-    }
-
-    fn check_term(&self, index: u32, term: &RuleTerm) -> Result<(), RuleRefusal> {
-        let Some(command) = term.command() else {
-            return Ok(());
-        };
-        let refused = |state| (command, Refusal::RuleCommand { index, state });
-        let row = self.commands.find(command, |_| true);
-        let row = row.map_err(|_| refused(0))?;
-        if let RuleTerm::Value { slot, .. } = *term {
-            let net = self.commands[row].net.as_deref();
-            let net = net.ok_or_else(|| refused(self.commands[row].entry.state))?;
-            if net.arenas().1.get(slot as usize).is_none() {
-                let fault = RuleFault::NoSuchValue;
-                return Err((command, Refusal::Rule { index, fault }));
-            }
-        }
-        Ok(())
-    }
-
-    /// Checks states and resources of the commands that a rule acts on; returns the arms of those that it starts.
-    fn check_targets(&self, index: u32, rule: &Rule) -> Result<u64, RuleRefusal> {
-        let find = |id: u64, allowed: &dyn Fn(CommandState) -> bool| {
-            let state = |refusal| match refusal {
-                Refusal::WrongState { state } => state,
-                _ => 0,
-            };
-            let found = self.commands.find(id, allowed);
-            found.map_err(|refusal| {
-                let state = state(refusal);
-                (id, Refusal::RuleCommand { index, state })
-            })
-        };
-        let loaded =
-            |state: CommandState| state != CommandState::Rejected && state != CommandState::Loading;
-        for id in ids(&rule.stop) {
-            find(id, &loaded)?;
-        }
-        for id in ids(&rule.cancel) {
-            let row = find(id, &loaded)?;
-            let net = self.commands[row].net.as_deref();
-            if !net.is_some_and(|net| net.can_cancel()) {
-                return Err((id, Refusal::NotCancelable));
-            }
-        }
-        let mut arms = 0;
-        for (place, id) in ids(&rule.start).enumerate() {
-            let row = find(id, &|state| state == CommandState::Ready)?;
-            let claims = self.commands[row].claims();
-            arms |= claims.arms;
-            for other in ids(&rule.start).take(place) {
-                let Ok(other) = self.commands.find(other, |_| true) else {
-                    continue;
-                };
-                if let Some(resource) = claims.common(self.commands[other].claims()) {
-                    let holder = self.commands[other].entry.id;
-                    return Err((id, Refusal::Busy { holder, resource }));
-                }
-            }
-        }
-        Ok(arms)
-    }
-
-    fn rows_of_terms(&self, rule: &Rule) -> [RowIndex; RULE_TERMS_MAX] {
+    pub(super) fn rows_of_terms(&self, rule: &Rule) -> [RowIndex; RULE_TERMS_MAX] {
         let mut rows = [RowIndex::FIRST; RULE_TERMS_MAX];
         for (place, term) in rows.iter_mut().zip(rule.terms()) {
             let row = term.command().map(|id| self.commands.find(id, |_| true));
@@ -189,12 +101,25 @@ impl<B: DeviceBoards> Engine<B> {
         let net = self.commands[row].net.as_deref();
         let slot = match (*term, net) {
             (RuleTerm::Value { slot, .. }, Some(net)) => net.bool_at(slot),
+            (
+                RuleTerm::Compare {
+                    slot,
+                    relation,
+                    limit,
+                    ..
+                },
+                Some(net),
+            ) => Some(net.compared(slot, relation, limit)),
             _ => None,
         };
         self.facts(id, row).judge(term, slot.unwrap_or(NULL_BOOL))
     }
 
-    fn judge_rule(&self, rule: &Rule, rows: &[RowIndex; RULE_TERMS_MAX]) -> Option<Judgement> {
+    pub(super) fn judge_rule(
+        &self,
+        rule: &Rule,
+        rows: &[RowIndex; RULE_TERMS_MAX],
+    ) -> Option<Judgement> {
         judge(rule.terms(), |index, term| {
             let row = rows.get(index).copied().unwrap_or(RowIndex::FIRST);
             self.judge_term(term, row)
@@ -224,8 +149,19 @@ impl<B: DeviceBoards> Engine<B> {
             insert(&mut judged, slot);
             if judgement.holds() {
                 insert(&mut held, slot);
-                self.make_due(slot);
-            } else if recheck && let Some(refusal) = self.never_fires(&rule, judgement) {
+            }
+            let may_expire = match rule.record {
+                Some(recording) => {
+                    self.record_by_rule(slot, &recording, judgement.holds());
+                    recheck
+                }
+                None if judgement.holds() => {
+                    self.make_due(slot);
+                    false
+                }
+                None => recheck,
+            };
+            if may_expire && let Some(refusal) = self.never_fires(slot, &rule, judgement) {
                 self.end_rule(slot, RuleState::Expired, Some(refusal));
             }
         }
@@ -243,9 +179,39 @@ impl<B: DeviceBoards> Engine<B> {
         }
     }
 
+    /// Freezes the recording if the condition of a rule that records has become true.
+    fn record_by_rule(&mut self, slot: usize, recording: &RuleRecording, holds: bool) {
+        let cycle = self.status.cycle;
+        let distance = recording.distance_ns.checked_div(self.period_ns);
+        let Some(installed) = self.rules.get_mut(slot) else {
+            return;
+        };
+        let became_true = holds && !installed.held;
+        installed.held = holds;
+        if !became_true {
+            return;
+        }
+        let status = &mut installed.status;
+        let passed = cycle.saturating_sub(status.recorded_cycle);
+        if status.recordings > 0 && passed < distance.unwrap_or(0) {
+            status.skipped = status.skipped.saturating_add(1);
+            return;
+        }
+        status.recordings = status.recordings.saturating_add(1);
+        status.recorded_cycle = cycle;
+        let (id, is_last) = (status.id, status.recordings >= recording.times);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.trigger(TriggerReason::Rule { id });
+        }
+        if is_last {
+            self.end_rule(slot, RuleState::Fired, None);
+        }
+    }
+
     /// Why a rule can never fire any more; `None` if it can.
-    fn never_fires(&self, rule: &Rule, judgement: Judgement) -> Option<RuleRefusal> {
-        if !judgement.can_hold() {
+    fn never_fires(&self, slot: usize, rule: &Rule, judgement: Judgement) -> Option<RuleRefusal> {
+        let held = self.rules.get(slot).is_some_and(|rule| rule.held);
+        if !can_fire(rule, judgement, held) {
             let (index, fault) = (0, RuleFault::NeverFires);
             return Some((0, Refusal::Rule { index, fault }));
         }
@@ -505,6 +471,6 @@ impl<B: DeviceBoards> Engine<B> {
 }
 
 /// The ids in a list, without unused places.
-fn ids(list: &[u64; SWITCH_MAX]) -> impl Iterator<Item = u64> {
+pub(super) fn ids(list: &[u64; SWITCH_MAX]) -> impl Iterator<Item = u64> {
     list.iter().copied().filter(|id| *id != 0)
 }

@@ -3,8 +3,9 @@
 
 use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::plan::{InputPoint, MonitorPoint, PublishPoint, ValuePoint};
-use rcc_core::types::{NULL_BOOL, Store};
+use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_protocol::control::Refusal;
+use rcc_protocol::rules::{Limit, Relation};
 
 use super::Net;
 use crate::input::null;
@@ -60,6 +61,25 @@ impl Net {
     pub fn bool_at(&self, slot: u32) -> Option<u8> {
         let value = self.bools.get(slot as usize).copied();
         value.filter(|_| self.cycles > 0)
+    }
+
+    /// A `Real` or `Int` slot as the last evaluation left it, compared as a slot of type `Bool`; null before the first
+    /// evaluation, for a value or limit that is null, and for a slot outside of the arena.
+    pub fn compared(&self, slot: u32, relation: Relation, limit: Limit) -> u8 {
+        let slot = slot as usize;
+        let held = match limit {
+            Limit::Real(limit) => {
+                let value = self.reals.get(slot).filter(|value| !value.is_nan());
+                let value = value.filter(|_| !limit.is_nan());
+                value.map(|value| relation.holds(*value, limit))
+            }
+            Limit::Int(limit) => {
+                let value = self.ints.get(slot).filter(|value| **value != NULL_INT);
+                let value = value.filter(|_| limit != NULL_INT);
+                value.map(|value| relation.holds(*value, limit))
+            }
+        };
+        held.filter(|_| self.cycles > 0).map_or(NULL_BOOL, u8::from)
     }
 
     /// Copies a value, one word per element.

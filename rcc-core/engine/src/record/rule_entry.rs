@@ -2,10 +2,15 @@
 //! by the real-time thread, read by replay.
 
 use rcc_core::topic::Topic;
-use rcc_protocol::rules::{RULE_TERMS_MAX, Rule, RuleTerm};
+use rcc_protocol::rules::{Limit, RULE_TERMS_MAX, Relation, Rule, RuleTerm};
 
-/// Words of one term: kind and number, command or key, kind of the topic, facts about the command.
+/// Words of one term: kind and number, command or key, kind of the topic or the limit, facts about the command.
 pub const TERM_WORDS: usize = 4;
+
+/// Kind of the first comparison with a `Real`; those with the other relations follow.
+const COMPARE_REAL: u32 = 10;
+/// Kind of the first comparison with an `Int`.
+const COMPARE_INT: u32 = COMPARE_REAL + Relation::ALL.len() as u32;
 
 /// A condition as recorded.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +24,7 @@ pub struct RecordedRule<'a> {
 
 /// The words of a term, without its facts.
 fn encode(term: &RuleTerm) -> [u64; 3] {
-    let (kind, number, one, two) = match *term {
+    let (kind, number, one, two): (u32, u32, u64, u64) = match *term {
         RuleTerm::True => (1, 0, 0, 0),
         RuleTerm::State { command, state } => (2, state, command, 0),
         RuleTerm::Reason { command, reason } => (3, reason, command, 0),
@@ -29,8 +34,20 @@ fn encode(term: &RuleTerm) -> [u64; 3] {
         RuleTerm::Not => (7, 0, 0, 0),
         RuleTerm::And => (8, 0, 0, 0),
         RuleTerm::Or => (9, 0, 0, 0),
+        RuleTerm::Compare {
+            command,
+            slot,
+            relation,
+            limit,
+        } => {
+            let (first, bits) = match limit {
+                Limit::Real(limit) => (COMPARE_REAL, limit.to_bits()),
+                Limit::Int(limit) => (COMPARE_INT, limit.cast_unsigned()),
+            };
+            (first + relation as u32, slot, command, bits)
+        }
     };
-    [kind | u64::from(number) << 32, one, two]
+    [u64::from(kind) | u64::from(number) << 32, one, two]
 }
 
 fn decode(words: &[u64; TERM_WORDS]) -> Option<RuleTerm> {
@@ -63,6 +80,19 @@ fn decode(words: &[u64; TERM_WORDS]) -> Option<RuleTerm> {
         7 => RuleTerm::Not,
         8 => RuleTerm::And,
         9 => RuleTerm::Or,
+        kind @ COMPARE_REAL.. => {
+            let (first, limit) = match kind {
+                COMPARE_INT.. => (COMPARE_INT, Limit::Int(two.cast_signed())),
+                _ => (COMPARE_REAL, Limit::Real(f64::from_bits(two))),
+            };
+            let &(relation, _) = Relation::ALL.get(kind.checked_sub(first)? as usize)?;
+            RuleTerm::Compare {
+                command,
+                slot: number,
+                relation,
+                limit,
+            }
+        }
         _ => return None,
     })
 }
@@ -114,6 +144,12 @@ mod tests {
     #[test]
     fn every_term_is_read_as_it_was_written() {
         let (command, topic) = (7, Topic { key: 8, kind: 9 });
+        let compare = |relation, limit| RuleTerm::Compare {
+            command,
+            slot: 4,
+            relation,
+            limit,
+        };
         let terms = [
             RuleTerm::True,
             RuleTerm::State { command, state: 4 },
@@ -130,6 +166,10 @@ mod tests {
             RuleTerm::Not,
             RuleTerm::And,
             RuleTerm::Or,
+            compare(Relation::Below, Limit::Real(-1.5)),
+            compare(Relation::AtLeast, Limit::Real(0.0)),
+            compare(Relation::AtMost, Limit::Int(i64::MAX)),
+            compare(Relation::Above, Limit::Int(-3)),
         ];
         let mut rule = Rule::EMPTY;
         for (place, term) in rule.when.iter_mut().zip(terms) {

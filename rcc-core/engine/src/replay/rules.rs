@@ -193,16 +193,24 @@ impl RuleReplay {
         }
         let id = term.command()?;
         let facts = self.facts(id)?;
-        let slot = match *term {
-            RuleTerm::Value { slot, .. } if facts.state != CommandState::None => {
-                let net = nets.get(&id).filter(|replay| replay.known);
-                match (net.and_then(|replay| replay.net.as_ref()), facts.state) {
-                    (Some(net), _) => net.bool_at(slot).unwrap_or(NULL_BOOL),
-                    (None, CommandState::Ready) => NULL_BOOL,
-                    (None, _) => return None,
-                }
-            }
-            _ => NULL_BOOL,
+        let of_value = matches!(term, RuleTerm::Value { .. } | RuleTerm::Compare { .. });
+        if !of_value || facts.state == CommandState::None {
+            return Some(facts.judge(term, NULL_BOOL));
+        }
+        let net = nets.get(&id).filter(|replay| replay.known);
+        let slot = match (net.and_then(|replay| replay.net.as_ref()), facts.state) {
+            (Some(net), _) => match *term {
+                RuleTerm::Compare {
+                    slot,
+                    relation,
+                    limit,
+                    ..
+                } => net.compared(slot, relation, limit),
+                RuleTerm::Value { slot, .. } => net.bool_at(slot).unwrap_or(NULL_BOOL),
+                _ => NULL_BOOL,
+            },
+            (None, CommandState::Ready) => NULL_BOOL,
+            (None, _) => return None,
         };
         Some(facts.judge(term, slot))
     }

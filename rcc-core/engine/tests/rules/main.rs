@@ -6,6 +6,7 @@ mod common;
 mod continued;
 mod installation;
 mod leases;
+mod recording;
 mod replayed;
 
 use common::{EngineFixture, HOLD, TestPlan, drift_net, endless_net, line_net, named, output_net};

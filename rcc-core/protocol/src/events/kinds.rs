@@ -244,7 +244,7 @@ kinds! {
     }
     /// The flight recorder wrote its last seconds to a file (`rcc-cli incidents`, `rcc-cli replay`).
     IncidentWritten = "incident-written", "executor", Warning {
-        /// fault, late or request.
+        /// fault, late, request or trigger.
         reason: String,
         /// Command that caused it, if any.
         command: Option<u64>,

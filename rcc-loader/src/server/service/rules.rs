@@ -2,18 +2,18 @@
 //! blocking threads of the server.
 
 use rcc_api::bodies::{
-    CommandRef, Done, LeaseBody, LeaseCommands, LeaseDone, LeaseGranted, OnClientLoss, RuleBody,
-    RuleNumber, RuleView, RulesBody, RulesInstalled, Start,
+    CommandRef, Done, LeaseBody, LeaseCommands, LeaseDone, LeaseGranted, OnClientLoss, RecordBody,
+    RecordedView, RuleBody, RuleNumber, RuleView, RulesBody, RulesInstalled, Start,
 };
 use rcc_api::codes;
 use rcc_api::conditions;
 use rcc_api::error::ApiError;
 use rcc_core::message::CommandState;
-use rcc_language::condition;
+use rcc_language::condition::{self, ConditionTerm};
 use rcc_protocol::control::{Answer, Call, Refusal, SWITCH_MAX};
 use rcc_protocol::events::event_text;
 use rcc_protocol::rules::{
-    ListedRule, NewRule, RULE_TERMS_MAX, RULE_TEXT_MAX, RULES_PER_REQUEST, Rule,
+    ListedRule, NewRule, RULE_TERMS_MAX, RULE_TEXT_MAX, RULES_PER_REQUEST, Rule, RuleRecording,
 };
 
 use super::{Operation, Service, unexpected};
@@ -298,6 +298,16 @@ impl Service {
             stop: named(&rule.stop),
             cancel: named(&rule.cancel),
             start: named(&rule.start),
+            record: rule.record.map(|record| RecordBody {
+                times: record.times,
+                distance_ms: record.distance_ns / 1_000_000,
+                edge: record.edge,
+            }),
+            recorded: rule.record.map(|_| RecordedView {
+                recordings: status.recordings,
+                skipped: status.skipped,
+                cycle: (status.recordings > 0).then_some(status.recorded_cycle),
+            }),
             state: status.state.name().to_owned(),
             cycle: status.cycle,
             lease: (status.lease != 0).then_some(status.lease),
@@ -319,8 +329,8 @@ impl Resolver<'_> {
             let message = format!("rule `{name}`: {message}");
             ApiError::new(codes::BAD_CONDITION, message, help)
         };
-        let terms =
-            condition::parse(&body.when).map_err(|fault| bad(fault.to_string(), &fault.help))?;
+        let terms = condition::parse_short(&body.when)
+            .map_err(|fault| bad(fault.to_string(), &fault.help))?;
         if terms.len() > RULE_TERMS_MAX {
             let help =
                 "split it into several rules, or let a net compute a part of it as a Bool output";
@@ -336,6 +346,11 @@ impl Resolver<'_> {
             start: self.ids(body.start.commands(), |state| Operation::Start.suits(state))?,
             lease: body.lease.or(lease).unwrap_or(0),
             goes_on: body.on_client_loss == OnClientLoss::GoOn,
+            record: body.record.map(|record| RuleRecording {
+                times: record.times,
+                distance_ns: record.distance_ms.saturating_mul(1_000_000),
+                edge: record.edge,
+            }),
             ..Rule::EMPTY
         };
         let command = |command: &str| self.command(command);
@@ -344,7 +359,13 @@ impl Resolver<'_> {
             file.and_then(|file| file.names).unwrap_or_default()
         };
         for (place, term) in rule.when.iter_mut().zip(&terms) {
-            *place = Some(conditions::resolve(&name, term, &command, &names)?);
+            let command_of = |command_name: &str| match output(term) {
+                Some((primitive, port)) if command_name.is_empty() => {
+                    self.command_with(&name, primitive, port)
+                }
+                _ => command(command_name),
+            };
+            *place = Some(conditions::resolve(&name, term, &command_of, &names)?);
         }
         Ok(NewRule {
             rule,
@@ -366,11 +387,65 @@ impl Resolver<'_> {
         Ok(list)
     }
 
+    /// The one command that has this output: among those that are active, or else among those that are ready.
+    fn command_with(&self, rule: &str, primitive: &str, port: &str) -> Result<u64, ApiError> {
+        let rows = self.attached.tables().commands;
+        let with_output = |suits: &dyn Fn(CommandState) -> bool| -> Vec<u64> {
+            let rows = rows
+                .iter()
+                .filter(|row| suits(CommandState::from_number(row.state)));
+            let has = |id: &u64| {
+                let names = self.store.read(*id).and_then(|file| file.names);
+                names.is_some_and(|names| conditions::has_output(&names, primitive, port))
+            };
+            rows.map(|row| row.id).filter(has).collect()
+        };
+        let mut found = with_output(&CommandState::is_active);
+        if found.is_empty() {
+            found = with_output(&|state| state == CommandState::Ready);
+        }
+        let output = format!("{primitive}.{port}");
+        let (message, help) = match found.as_slice() {
+            [id] => return Ok(*id),
+            [] => (
+                format!("no net that runs or is ready has the output `{output}`"),
+                "load the net first; `rcc-cli watch` lists the outputs of a net".to_owned(),
+            ),
+            several => {
+                let named = several
+                    .iter()
+                    .map(|id| format!("{}#{id}", self.service.net(self.store, *id)));
+                (
+                    format!("several nets have the output `{output}`"),
+                    format!(
+                        "write the net before it, `NET.{output}`: {}",
+                        named.collect::<Vec<_>>().join(", ")
+                    ),
+                )
+            }
+        };
+        let message = format!("rule `{rule}`: {message}");
+        Err(ApiError::new(codes::BAD_CONDITION, message, help))
+    }
+
     fn command(&self, name: &str) -> Result<u64, ApiError> {
         let lives = |state: CommandState| state == CommandState::Ready || state.is_active();
         let name = name.strip_prefix('#').unwrap_or(name);
         let tables = || self.attached.tables();
         self.service.resolve(tables, self.store, name, lives)
+    }
+}
+
+/// Primitive and port of a term that looks at an output.
+fn output(term: &ConditionTerm) -> Option<(&str, &str)> {
+    match term {
+        ConditionTerm::Value {
+            primitive, port, ..
+        }
+        | ConditionTerm::Compare {
+            primitive, port, ..
+        } => Some((primitive, port)),
+        _ => None,
     }
 }
 

@@ -27,9 +27,9 @@ export function open(view, [chosen]) {
 
 function makeRow(row) {
   const name = row.file.split("/").pop();
-  const reason = row.reason === "fault" ? `fault: ${row.fault ?? ""}` : row.reason === "late" ? "late cycles" : "on request";
+  const reason = row.reason === "fault" ? `fault: ${row.fault ?? ""}` : row.reason === "late" ? "late cycles" : row.reason === "trigger" ? `trigger: ${row.condition ?? ""}` : "on request";
   return h("tr", {}, h("td", {}, h("a", { href: `#/incidents/${encodeURIComponent(name)}` }, (row.time ?? "").replace("T", " ").slice(0, 23))),
-    h("td", {}, h(`span.badge.${row.reason === "request" ? "calm" : "bad"}`, {}, reason)), h("td", {}, row.name ?? ""), h("td.number", {}, grouped(row.cycle)), h("td.number", {}, `${significant(row.span_s)} s`));
+    h("td", {}, h(`span.badge.${row.reason === "request" ? "calm" : row.reason === "trigger" ? "warn" : "bad"}`, {}, reason)), h("td", {}, row.name ?? ""), h("td.number", {}, grouped(row.cycle)), h("td.number", {}, `${significant(row.span_s)} s`));
 }
 
 function openOne(view, name) {
@@ -50,7 +50,7 @@ function openOne(view, name) {
     if (gone) return;
     if (error) return setText(words, `${error.message}. ${error.help ?? ""}`);
     about = answer;
-    setText(title, `${answer.head.reason === "fault" ? `Fault: ${answer.head.fault ?? ""}` : answer.head.reason === "late" ? "Late cycles" : "Recorded on request"}`);
+    setText(title, `${answer.head.reason === "fault" ? `Fault: ${answer.head.fault ?? ""}` : answer.head.reason === "late" ? "Late cycles" : answer.head.reason === "trigger" ? `Trigger: ${answer.head.condition ?? ""}` : "Recorded on request"}`);
     picker.replaceChildren(h("option", { value: "" }, "Add a port …"), ...answer.nets.map((net) => h("optgroup", { label: net.title },
       net.ports.map((port) => h("option", { value: `${net.net}/${port.port}` }, `${port.port}  ${port.type}${port.unit ? ` ${port.unit}` : ""}`)))));
     const first = answer.nets.find((net) => net.id === answer.head.net) ?? answer.nets[0];
