@@ -431,6 +431,8 @@ class IncidentView(TypedDict):
     """Fingerprint of the catalogue of primitives, 16 hexadecimal digits."""
     cell: NotRequired[str]
     """Name of the cell."""
+    condition: NotRequired[str | None]
+    """The condition of a rule that became true, if the reason is a trigger."""
     config: NotRequired[str]
     """Path of the cell's configuration file."""
     configuration: NotRequired[str]
@@ -464,7 +466,7 @@ class IncidentView(TypedDict):
     period_ns: NotRequired[int]
     """Base period, ns."""
     reason: NotRequired[str]
-    """`fault`, `late` or `request`."""
+    """`fault`, `late`, `request` or `trigger`."""
     span_s: NotRequired[float]
     """Recorded time, s."""
     time: NotRequired[str]
@@ -705,6 +707,26 @@ class ProcessView(TypedDict):
     """`executor`, `loader`, `driver`, …"""
 
 
+class RecordBody(TypedDict):
+    """When a rule that records writes an incident."""
+    distance_ms: NotRequired[int]
+    """Shortest time between two recordings, ms; 1000 to 86 400 000. A condition that becomes true sooner is counted and not recorded."""
+    edge: NotRequired[bool]
+    """Do not record a condition that is true already when the rule is installed."""
+    times: NotRequired[int]
+    """Number of recordings after which the rule has fired, 1 to 1000."""
+
+
+class RecordedView(TypedDict):
+    """What a rule has recorded."""
+    cycle: NotRequired[int | None]
+    """Executor cycle of the last recording."""
+    recordings: int
+    """Recordings so far."""
+    skipped: int
+    """How often its condition became true sooner than `distance_ms` after the last recording."""
+
+
 class RehearsalView(TypedDict):
     """Result of a rehearsal: what a net did in virtual time, before anything was commanded."""
     end: str
@@ -724,7 +746,7 @@ class RehearsalView(TypedDict):
 
 
 class RuleBody(TypedDict):
-    """A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing changes."""
+    """A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing changes. A rule that records does nothing else."""
     cancel: NotRequired[CommandList]
     """Commands that are cancelled; those that have ended already are skipped."""
     lease: NotRequired[int | None]
@@ -733,6 +755,8 @@ class RuleBody(TypedDict):
     """Name for people; without it, the condition."""
     on_client_loss: NotRequired[OnClientLoss]
     """What happens when the client is gone."""
+    record: NotRequired[RecordBody | None]
+    """Each time the condition becomes true, the last seconds of the flight recorder are written."""
     start: NotRequired[CommandList]
     """Ready commands that start."""
     stop: NotRequired[CommandList]
@@ -763,6 +787,10 @@ class RuleView(TypedDict):
     """Its name."""
     on_client_loss: OnClientLoss
     """What happens when the client is gone."""
+    record: NotRequired[RecordBody | None]
+    """When it records, if it does."""
+    recorded: NotRequired[RecordedView | None]
+    """What it has recorded, if it records."""
     rule: int
     """Its number."""
     start: list[str]
