@@ -57,7 +57,7 @@ pub(super) struct StreamQuery {
 /// ends with `end` when all of these commands have ended. A net is sent only if it was evaluated since the last sample.
 #[utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
     params(("ports" = Option<String>, Query, description = "patterns such as `belt/soft.out,line/ik.*`"),
-        ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to the rate of the cell; 10 by default; two clients at a time may ask for more than 250"),
+        ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to the rate of the cell; 10 by default; two clients at a time may ask for more than 250. States and values of monitors are looked at 50 times a second, or at this rate up to 250 if it is higher"),
         ("monitors" = Option<String>, Query,
             description = "patterns of ports that a `Monitor` observes, such as `line/*`: every value at its rate"),
         ("states" = Option<bool>, Query, description = "also the state of each command, now and at each change"),

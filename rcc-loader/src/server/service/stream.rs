@@ -33,8 +33,10 @@ const RATE_MAX_DEFAULT: f64 = 1000.0;
 pub const STREAM_RATE_MIN: f64 = 0.1;
 /// Maximum number of nets of a stream.
 pub const STREAM_NETS_MAX: usize = 8;
-/// Interval at which states, events and monitored values are looked at.
+/// Interval at which states, events and monitored values are looked at, unless the rate is higher.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Minimum of that interval.
+const LOOK_EVERY_MIN: Duration = Duration::from_millis(4);
 /// Time without a piece after which a comment shows that the stream is alive.
 const SILENCE_MAX: Duration = Duration::from_secs(5);
 /// Maximum number of events that wait for a client.
@@ -61,6 +63,7 @@ pub struct EventStream {
     /// Incarnation of the executor that ids in `ports` mean.
     incarnation: u64,
     period: Duration,
+    look_every: Duration,
     port: Option<ExecutorPort>,
     states: Option<BTreeMap<u64, StateKey>>,
     reader: Option<EventReader>,
@@ -139,6 +142,7 @@ impl Service {
             subscriptions,
             incarnation: attached.announcement.incarnation,
             period: Duration::from_secs_f64(1.0 / request.rate),
+            look_every: look_every(request),
             port,
             states: request.states.then(BTreeMap::new),
             reader,
@@ -165,6 +169,14 @@ impl Service {
             is_announced: false,
             evaluations: None,
         })
+    }
+}
+
+/// Returns the interval at which states, events and monitored values are looked at.
+fn look_every(request: &StreamRequest) -> Duration {
+    match request.states || !request.monitors.is_empty() {
+        true => Duration::from_secs_f64(1.0 / request.rate).clamp(LOOK_EVERY_MIN, LOOK_EVERY),
+        false => LOOK_EVERY,
     }
 }
 
@@ -214,7 +226,7 @@ impl EventStream {
         while !client.is_over() {
             let now = Instant::now();
             if now >= look {
-                look = now + LOOK_EVERY;
+                look = now + self.look_every;
                 self.look(service, &client);
                 if self.is_over() {
                     return client.finish(self.last_pieces());

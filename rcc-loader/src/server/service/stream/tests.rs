@@ -54,6 +54,27 @@ fn a_stream_without_subject_net_or_possible_rate_is_refused() {
 }
 
 #[test]
+fn states_and_monitors_are_looked_at_as_often_as_the_rate_says() {
+    let every = |states: bool, monitors: &[&str], rate: f64| {
+        let request = StreamRequest {
+            states,
+            monitors: monitors.iter().map(|port| (*port).to_owned()).collect(),
+            ..request(&["belt/soft.out"], rate)
+        };
+        look_every(&request).as_secs_f64() * 1000.0
+    };
+    assert_eq!(every(true, &[], 10.0), 20.0, "at least 50 times a second");
+    assert_eq!(every(true, &[], 100.0), 10.0);
+    assert_eq!(every(false, &["*"], 250.0), 4.0);
+    assert_eq!(every(false, &["*"], 1000.0), 4.0, "at most 250 times");
+    assert_eq!(
+        every(false, &[], 1000.0),
+        20.0,
+        "ports are sampled at the rate"
+    );
+}
+
+#[test]
 fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
     let limits = ShareLimits {
         all: 1,
@@ -67,6 +88,7 @@ fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
         subscriptions: Vec::new(),
         incarnation: 0,
         period: Duration::from_millis(10),
+        look_every: LOOK_EVERY,
         port: None,
         states: None,
         reader: None,
