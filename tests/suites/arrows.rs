@@ -170,6 +170,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-language",
             "rcc-directionet",
             "rcc-api",
+            "rcc-client",
         ],
     ),
 ];

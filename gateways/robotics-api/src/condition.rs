@@ -3,15 +3,16 @@
 
 use std::collections::BTreeSet;
 
-use crate::text_reader::{TextReader, Unexpected};
+use crate::text_reader::{SyntaxError, TextReader};
 
 /// Deepest nesting of parentheses and negations.
 const DEPTH_MAX: usize = 32;
 
 /// A condition.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Condition {
     /// `t`.
+    #[default]
     Always,
     /// The value with this key, of this net.
     Value {
@@ -28,32 +29,18 @@ pub enum Condition {
     Any(Vec<Condition>),
 }
 
-/// The text is not a condition.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {wanted} at character {at} of the condition")]
-pub struct ConditionError {
-    wanted: &'static str,
-    at: usize,
-}
-
-impl From<Unexpected> for ConditionError {
-    fn from(Unexpected { wanted, at }: Unexpected) -> ConditionError {
-        ConditionError { wanted, at }
-    }
-}
-
 impl Condition {
     /// Parses a condition.
     ///
     /// # Errors
     /// Returns the first position at which the text is not a condition.
-    pub fn parse(text: &str) -> Result<Condition, ConditionError> {
+    pub fn parse(text: &str) -> Result<Condition, SyntaxError> {
         let mut reader = TextReader::new(text);
         let condition = reader.any(0)?;
         reader.blanks();
         match reader.peek() {
             None => Ok(condition),
-            Some(_) => Err(reader.wanted("`&`, `|` or the end").into()),
+            Some(_) => Err(reader.wanted("`&`, `|` or the end")),
         }
     }
 
@@ -82,6 +69,26 @@ impl Condition {
     }
 }
 
+/// Writes a condition as the core's rules have it; `port` names the port of a value, and has no name for one that the core
+/// cannot read.
+pub fn core_text(
+    condition: &Condition,
+    port: &impl Fn(&str, &str) -> Option<String>,
+) -> Option<String> {
+    let joined = |parts: &[Condition], word: &str| {
+        let parts = parts.iter().map(|part| core_text(part, port));
+        let parts: Option<Vec<String>> = parts.collect();
+        Some(format!("({})", parts?.join(word)))
+    };
+    match condition {
+        Condition::Always => Some("true".to_owned()),
+        Condition::Value { net, key } => Some(format!("{net}.{}", port(net, key)?)),
+        Condition::Not(inner) => Some(format!("not {}", core_text(inner, port)?)),
+        Condition::All(parts) => joined(parts, " and "),
+        Condition::Any(parts) => joined(parts, " or "),
+    }
+}
+
 /// Returns `decisive` if one part has this value, nothing if one is indeterminate, and else the opposite.
 fn combine(
     parts: &[Condition],
@@ -97,7 +104,7 @@ fn combine(
 
 /// The grammar: `any` of `all` of `one`.
 impl TextReader<'_> {
-    fn any(&mut self, depth: usize) -> Result<Condition, Unexpected> {
+    fn any(&mut self, depth: usize) -> Result<Condition, SyntaxError> {
         let mut parts = vec![self.all(depth)?];
         while self.take(b'|') {
             parts.push(self.all(depth)?);
@@ -105,7 +112,7 @@ impl TextReader<'_> {
         Ok(only(parts, Condition::Any))
     }
 
-    fn all(&mut self, depth: usize) -> Result<Condition, Unexpected> {
+    fn all(&mut self, depth: usize) -> Result<Condition, SyntaxError> {
         let mut parts = vec![self.one(depth)?];
         while self.take(b'&') {
             parts.push(self.one(depth)?);
@@ -113,7 +120,7 @@ impl TextReader<'_> {
         Ok(only(parts, Condition::All))
     }
 
-    fn one(&mut self, depth: usize) -> Result<Condition, Unexpected> {
+    fn one(&mut self, depth: usize) -> Result<Condition, SyntaxError> {
         if depth > DEPTH_MAX {
             return Err(self.wanted("a condition that is nested less deeply"));
         }
@@ -136,7 +143,7 @@ impl TextReader<'_> {
         }
     }
 
-    fn name(&mut self, wanted: &'static str) -> Result<String, Unexpected> {
+    fn name(&mut self, wanted: &'static str) -> Result<String, SyntaxError> {
         self.blanks();
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b':';
         match self.while_byte(is_part) {
@@ -184,6 +191,25 @@ mod tests {
             ("t.y", Some(true)),
         ] {
             assert_eq!(value(text), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_core_judges_the_same_condition() {
+        for (text, expected) in [
+            ("t", Some("true")),
+            ("a.y", Some("a.p.y")),
+            ("!a.y&b.n|a.y", Some("((not a.p.y and b.p.n) or a.p.y)")),
+            ("!(a.y|!b.n)", Some("not (a.p.y or not b.p.n)")),
+            ("a.y&b.constant", None),
+        ] {
+            let condition = Condition::parse(text).expect(text);
+            let port = |_: &str, key: &str| (key != "constant").then(|| format!("p.{key}"));
+            let written = core_text(&condition, &port);
+            assert_eq!(written.as_deref(), expected, "{text}");
+            // It is one that the core reads.
+            let read = written.map(|written| rcc_language::condition::parse(&written).is_ok());
+            assert_eq!(read, expected.map(|_| true), "{text}");
         }
     }
 

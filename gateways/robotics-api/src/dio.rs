@@ -3,7 +3,7 @@
 
 use std::fmt::{self, Write as _};
 
-use crate::text_reader::{TextReader, Unexpected};
+use crate::text_reader::{SyntaxError, TextReader};
 
 /// Deepest nesting of lists and maps in a message.
 const DEPTH_MAX: usize = 16;
@@ -79,27 +79,11 @@ impl DioMessage {
     }
 }
 
-/// The text is not a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {wanted} at character {at} of the message")]
-pub struct DioError {
-    /// Name of the expected syntax.
-    pub wanted: &'static str,
-    /// Byte offset, from 0.
-    pub at: usize,
-}
-
-impl From<Unexpected> for DioError {
-    fn from(Unexpected { wanted, at }: Unexpected) -> DioError {
-        DioError { wanted, at }
-    }
-}
-
 /// Parses a message.
 ///
 /// # Errors
 /// Returns the first position at which the text is not a message.
-pub fn parse(text: &str) -> Result<DioMessage, DioError> {
+pub fn parse(text: &str) -> Result<DioMessage, SyntaxError> {
     let mut reader = TextReader::new(text);
     let tag = reader.identifier("a tag")?;
     reader.expect(b'=', "`=`")?;
@@ -113,13 +97,13 @@ pub fn parse(text: &str) -> Result<DioMessage, DioError> {
             command,
             values,
         }),
-        Some(_) => Err(reader.wanted("the end of the message").into()),
+        Some(_) => Err(reader.wanted("the end of the message")),
     }
 }
 
 /// The grammar.
 impl TextReader<'_> {
-    fn identifier(&mut self, wanted: &'static str) -> Result<String, Unexpected> {
+    fn identifier(&mut self, wanted: &'static str) -> Result<String, SyntaxError> {
         self.blanks();
         if !self.peek().is_some_and(begins_identifier) {
             return Err(self.wanted(wanted));
@@ -132,8 +116,8 @@ impl TextReader<'_> {
         &mut self,
         end: u8,
         wanted: &'static str,
-        mut one: impl FnMut(&mut Self) -> Result<T, Unexpected>,
-    ) -> Result<Vec<T>, Unexpected> {
+        mut one: impl FnMut(&mut Self) -> Result<T, SyntaxError>,
+    ) -> Result<Vec<T>, SyntaxError> {
         let mut all = Vec::new();
         if self.take(end) {
             return Ok(all);
@@ -147,7 +131,7 @@ impl TextReader<'_> {
         }
     }
 
-    fn value(&mut self, depth: usize) -> Result<DioValue, Unexpected> {
+    fn value(&mut self, depth: usize) -> Result<DioValue, SyntaxError> {
         self.blanks();
         match self.peek() {
             Some(b'[' | b'{') if depth >= DEPTH_MAX => {
@@ -179,7 +163,7 @@ impl TextReader<'_> {
         }
     }
 
-    fn number(&mut self) -> Result<DioValue, Unexpected> {
+    fn number(&mut self) -> Result<DioValue, SyntaxError> {
         let refused = self.wanted("a value");
         let text = self.while_byte(|byte| byte.is_ascii_digit() || byte == b'.');
         let parsed = match text.contains('.') {
@@ -190,7 +174,7 @@ impl TextReader<'_> {
     }
 
     /// Reads a text behind its first quote.
-    fn rest_of_text(&mut self) -> Result<String, Unexpected> {
+    fn rest_of_text(&mut self) -> Result<String, SyntaxError> {
         let mut text = String::new();
         let rest = self.text.get(self.at..).unwrap_or_default();
         let mut characters = rest.char_indices();

@@ -7,16 +7,20 @@ use rcc_api::codes;
 
 use crate::firing;
 use crate::gateway::{Gateway, read_values};
-use crate::loader::{LoaderClient, LoaderError};
+use crate::loader::{CellClient, LoaderError};
 use crate::pushes::NetState;
 use crate::state::{GatewayNet, RuleState};
 
-/// Time between two looks at the running nets, and the additional time for each of them: the loader takes at most 1000
-/// requests a second from one process.
-const LOOK_EVERY: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(1)];
+/// Time between two turns while something runs or waits: what is pushed at an interval becomes due by itself.
+const TURN_EVERY: Duration = Duration::from_millis(4);
 /// The same while nothing runs and no rule waits.
-const IDLE_LOOK_EVERY: Duration = Duration::from_millis(50);
-/// Time between two looks at the devices, and at sessions that nobody belongs to.
+const IDLE_TURN_EVERY: Duration = Duration::from_millis(50);
+/// Time after which a running net, or the devices, are asked for beside the cell's stream.
+const ASK_AGAIN: Duration = Duration::from_secs(1);
+/// Time between two questions about each running net while there is no stream: the loader takes at most 1000 requests a
+/// second from one process.
+const ASK_EVERY: Duration = Duration::from_millis(4);
+/// Time between two looks at the devices without a stream, and at sessions that nobody belongs to.
 const TIDY_EVERY: Duration = Duration::from_millis(100);
 /// Time for a net of a session that ended to come to rest before it is aborted.
 const CANCEL_TIME_MAX: Duration = Duration::from_secs(3);
@@ -33,25 +37,43 @@ pub fn run(gateway: &Gateway) -> ! {
             end_sessions(gateway, &mut loader);
             gateway.state().forget();
         }
-        let [base, each] = LOOK_EVERY;
         gateway.sleep(match busy {
-            Some(count) => base + each * count,
-            None => IDLE_LOOK_EVERY,
+            true => TURN_EVERY,
+            false => IDLE_TURN_EVERY,
         });
     }
 }
 
-/// One turn. Returns the number of running nets, or `None` if nothing can happen by itself.
-fn step(gateway: &Gateway, loader: &mut LoaderClient) -> Option<u32> {
-    let active: Vec<(String, GatewayNet)> = {
-        let state = gateway.state();
-        let active = state.nets.iter().filter(|(_, net)| net.state.is_active());
-        active
-            .filter(|(_, net)| net.command.is_some())
-            .map(|(name, net)| (name.clone(), net.clone()))
-            .collect()
+/// Returns the nets whose state and values must be asked for: those that the stream has said to end, and all of them now
+/// and then.
+fn due_nets(gateway: &Gateway) -> Vec<(String, GatewayNet)> {
+    let mut state = gateway.state();
+    let is_streaming = state.is_streaming;
+    let nets = state.nets.iter_mut();
+    let active: Vec<(&String, &mut GatewayNet)> = nets
+        .filter(|(_, net)| net.state.is_active() && net.command.is_some())
+        .collect();
+    let count = u32::try_from(active.len()).unwrap_or(u32::MAX);
+    let every = match is_streaming {
+        true => ASK_AGAIN,
+        false => ASK_EVERY * count,
     };
-    for (name, net) in &active {
+    let now = Instant::now();
+    let is_due = |asked: Instant| now.duration_since(asked) >= every;
+    let due = active
+        .into_iter()
+        .filter(|(_, net)| net.asked.is_none_or(is_due));
+    due.map(|(name, net)| {
+        net.asked = Some(now);
+        (name.clone(), net.clone())
+    })
+    .collect()
+}
+
+/// One turn. Returns false if nothing can happen by itself.
+fn step(gateway: &Gateway, loader: &mut CellClient) -> bool {
+    gateway.state().take_fresh();
+    for (name, net) in &due_nets(gateway) {
         look_at_net(gateway, loader, name, net);
     }
     firing::fire_due(gateway, loader);
@@ -74,35 +96,40 @@ fn step(gateway: &Gateway, loader: &mut LoaderClient) -> Option<u32> {
         }
     }
     let state = gateway.state();
-    let waits = state
-        .rules
-        .values()
-        .any(|rule| rule.state == RuleState::Active)
-        || state.nets.values().any(|net| net.held_by.is_some());
-    (waits || !active.is_empty()).then(|| u32::try_from(active.len()).unwrap_or(u32::MAX))
+    let waits = |net: &GatewayNet| net.state.is_active() || net.held_by.is_some();
+    let mut rules = state.rules.values();
+    rules.any(|rule| rule.state == RuleState::Active) || state.nets.values().any(waits)
+}
+
+/// Reads values and state of a net that runs.
+pub fn look_at(gateway: &Gateway, loader: &mut CellClient, name: &str) {
+    let net = gateway.state().nets.get(name).cloned();
+    if let Some(net) = net.filter(|net| net.state.is_active() && net.command.is_some()) {
+        look_at_net(gateway, loader, name, &net);
+    }
 }
 
 /// Reads values and state of a net.
-fn look_at_net(gateway: &Gateway, loader: &mut LoaderClient, name: &str, net: &GatewayNet) {
+fn look_at_net(gateway: &Gateway, loader: &mut CellClient, name: &str, net: &GatewayNet) {
     let mut values: BTreeMap<String, String> = net.values.clone();
     let read = read_values(loader, net, name, &mut values);
+    let cycle = read.as_ref().map_or(0, |read| read.cycle);
     let state = match read {
-        Ok((_, other)) if other != name => lost(name, "the executor was started again"),
-        Ok((state, _)) => match state.as_str() {
+        Ok(read) if read.net != name => lost(name, "the executor was started again"),
+        Ok(read) => match read.state.as_str() {
             "terminated" => how_it_ended(loader, name),
             "canceling" => NetState::Cancelling,
             "ready" => return,
             _ => net.state,
         },
-        Err(LoaderError::Refused(body)) if body.code == codes::UNKNOWN_COMMAND.code => {
-            lost(name, &body.message)
-        }
+        Err(error) if error.code() == codes::UNKNOWN_COMMAND.code => lost(name, &error.to_string()),
         // The loader or the executor is being started again: later looks tell what became of the net.
         Err(_) => return,
     };
     let mut gateway_state = gateway.state();
     if let Some(net) = gateway_state.nets.get_mut(name) {
         net.values = values;
+        net.values_cycle = cycle;
         // A cancel may have been carried out meanwhile.
         if !(net.state == NetState::Cancelling && state == NetState::Running) {
             net.state = state;
@@ -115,7 +142,7 @@ fn lost(name: &str, reason: &str) -> NetState {
     NetState::Error
 }
 
-fn how_it_ended(loader: &mut LoaderClient, name: &str) -> NetState {
+fn how_it_ended(loader: &mut CellClient, name: &str) -> NetState {
     let Ok(detail) = loader.state(name) else {
         return NetState::Terminated;
     };
@@ -133,12 +160,18 @@ fn how_it_ended(loader: &mut LoaderClient, name: &str) -> NetState {
 }
 
 /// Reads the states of the devices.
-fn look_at_devices(gateway: &Gateway, loader: &mut LoaderClient) {
-    if !gateway.state().are_devices_watched()
-        || gateway.own.as_ref().is_some_and(|own| own.is_restarting())
-    {
+fn look_at_devices(gateway: &Gateway, loader: &mut CellClient) {
+    if gateway.own.as_ref().is_some_and(|own| own.is_restarting()) {
         // While the gateway starts its cell again, devices keep the state that they had.
         return;
+    }
+    {
+        let mut state = gateway.state();
+        let is_recent = |asked: Instant| state.is_streaming && asked.elapsed() < ASK_AGAIN;
+        if !state.are_devices_watched() || state.devices_asked.is_some_and(is_recent) {
+            return;
+        }
+        state.devices_asked = Some(Instant::now());
     }
     let devices = loader.devices().unwrap_or_default();
     let mut state = gateway.state();
@@ -156,7 +189,7 @@ fn look_at_devices(gateway: &Gateway, loader: &mut LoaderClient) {
 }
 
 /// Stops the nets of sessions that nobody has belonged to for some time, and forgets them.
-fn end_sessions(gateway: &Gateway, loader: &mut LoaderClient) {
+fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
     let now = Instant::now();
     let mut stop = Vec::new();
     let mut unload = Vec::new();

@@ -1,13 +1,16 @@
 //! Carries out rules that are due, by the core's own atomic operations: `POST /switch` and START where a net starts, an
-//! input that ends a net where one only stops. The one file to replace when rules move into the core.
+//! input that ends a net where one only stops. Run by the engine; rules of the core are installed by the threads of
+//! connections.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use rcc_api::codes;
 use serde_json::{Map, Value};
 
+use crate::engine;
 use crate::gateway::Gateway;
-use crate::loader::{LoaderClient, LoaderError};
+use crate::loader::{CellClient, LoaderError};
 use crate::net_text::STOP_INPUT;
 use crate::pushes::NetState;
 use crate::state::{RuleState, ScheduleRule};
@@ -31,7 +34,7 @@ struct RuleCommands {
 }
 
 /// Decides every rule: fires those whose condition is true, the newest first, and ends those that cannot fire any more.
-pub fn fire_due(gateway: &Gateway, loader: &mut LoaderClient) {
+pub fn fire_due(gateway: &Gateway, loader: &mut CellClient) {
     let due: Vec<u64> = {
         let mut state = gateway.state();
         let now = Instant::now();
@@ -63,7 +66,61 @@ pub fn fire_due(gateway: &Gateway, loader: &mut LoaderClient) {
     }
 }
 
-fn fire(gateway: &Gateway, loader: &mut LoaderClient, number: u64) {
+/// Installs a rule in the core too, where that has the same meaning, so that it takes effect in the next cycle: a rule
+/// that cancels on a condition, such as the guard of a motion. All others are the gateway's alone: a rule that stops ends a
+/// net as its `Termination` does, and one that starts tries again while an arm comes to rest.
+pub fn mirror(gateway: &Gateway, loader: &mut CellClient, number: u64) {
+    let Some(rule) = gateway.state().core_rule(number) else {
+        return;
+    };
+    match loader.install(rule) {
+        Ok(core) => {
+            if let Some(rule) = gateway.state().rules.get_mut(&number) {
+                rule.core = Some(core);
+            }
+        }
+        // The gateway judges it, as it would have done anyway.
+        Err(error) => tracing::debug!(rule = number, %error, "the core does not judge a rule"),
+    }
+}
+
+/// Installs the rules again that name a net which was loaded again.
+pub fn mirror_all(gateway: &Gateway, loader: &mut CellClient, net: &str) {
+    let naming: Vec<u64> = {
+        let state = gateway.state();
+        let active = state
+            .rules
+            .iter()
+            .filter(|(_, rule)| rule.state == RuleState::Active);
+        let names = |rule: &ScheduleRule| {
+            rule.cancel.iter().any(|name| name == net)
+                || rule.condition.reads().iter().any(|(name, _)| *name == net)
+        };
+        active
+            .filter(|(_, rule)| names(rule))
+            .map(|(number, _)| *number)
+            .collect()
+    };
+    for number in naming {
+        mirror(gateway, loader, number);
+    }
+}
+
+fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
+    // The stream tells values one by one: those of several ports may be of different cycles.
+    let several: BTreeSet<String> = {
+        let state = gateway.state();
+        let reads = state
+            .rules
+            .get(&number)
+            .map(|rule| rule.condition.reads())
+            .filter(|reads| reads.len() > 1);
+        let nets = reads.into_iter().flatten();
+        nets.map(|(net, _)| net.to_owned()).collect()
+    };
+    for name in &several {
+        engine::look_at(gateway, loader, name);
+    }
     let rule = {
         let state = gateway.state();
         let rule = state
@@ -122,7 +179,7 @@ enum RuleRefusal {
 
 fn carry_out(
     gateway: &Gateway,
-    loader: &mut LoaderClient,
+    loader: &mut CellClient,
     number: u64,
     rule: &ScheduleRule,
 ) -> Result<(), RuleRefusal> {
@@ -204,7 +261,7 @@ fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, Rule
     Ok(commands)
 }
 
-fn start(loader: &mut LoaderClient, commands: &RuleCommands) -> Result<(), LoaderError> {
+fn start(loader: &mut CellClient, commands: &RuleCommands) -> Result<(), LoaderError> {
     match (commands.stop.as_slice(), commands.start.as_slice()) {
         ([], [name]) => loader.operate(name, "start"),
         (stop, start) => loader.switch(stop, start),
@@ -237,7 +294,7 @@ fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> R
             }
             true
         }
-        _ => matches!(error, LoaderError::Unreachable(_)),
+        _ => error.is_unreachable(),
     };
     match is_passing {
         true => RuleRefusal::Later(words),
@@ -246,7 +303,7 @@ fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> R
 }
 
 /// Cancels a net; one that has just ended needs no cancel.
-pub fn cancel(gateway: &Gateway, loader: &mut LoaderClient, name: &str) {
+pub fn cancel(gateway: &Gateway, loader: &mut CellClient, name: &str) {
     match loader.operate(name, "cancel") {
         Ok(()) => {
             if let Some(net) = gateway
@@ -263,7 +320,7 @@ pub fn cancel(gateway: &Gateway, loader: &mut LoaderClient, name: &str) {
 }
 
 /// Ends a net as its `Termination` does: its arm plays its last set-points. One that cannot be ended so is aborted.
-pub fn end(gateway: &Gateway, loader: &mut LoaderClient, name: &str) {
+pub fn end(gateway: &Gateway, loader: &mut CellClient, name: &str) {
     if let Some(net) = gateway.state().nets.get_mut(name) {
         net.is_ending = true;
     }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use std::time::{Duration, Instant};
 
@@ -10,7 +11,8 @@ use rcc_api::codes;
 use rcc_language::names::Names;
 
 use crate::devices::DeviceSpec;
-use crate::loader::{LoaderClient, LoaderError};
+use crate::firing;
+use crate::loader::{CellClient, LoaderError};
 use crate::net_text::{self, NetText, NetUse, STOP_INPUT};
 use crate::own_cell::OwnCell;
 use crate::pace::Pace;
@@ -35,6 +37,8 @@ pub struct Gateway {
     pub own: Option<OwnCell>,
     state: Mutex<GatewayState>,
     changed: Condvar,
+    // Set by whoever wakes the engine, cleared by the engine; no other memory depends on it.
+    is_woken: AtomicBool,
     /// Read by whoever loads or starts a net; written while the cell is started again.
     gate: RwLock<()>,
     pace: Arc<Pace>,
@@ -50,6 +54,7 @@ impl Gateway {
             own,
             state: Mutex::default(),
             changed: Condvar::new(),
+            is_woken: AtomicBool::new(false),
             gate: RwLock::new(()),
             pace: Arc::default(),
         }
@@ -57,14 +62,14 @@ impl Gateway {
 
     /// Returns a client of the cell's loader for the thread of a connection: at the common pace of all of them.
     #[must_use]
-    pub fn paced_loader(&self) -> LoaderClient {
+    pub fn paced_loader(&self) -> CellClient {
         self.loader().at(Arc::clone(&self.pace))
     }
 
     /// Returns a client of the cell's loader, for a thread of the gateway's own.
     #[must_use]
-    pub fn loader(&self) -> LoaderClient {
-        LoaderClient::new(&self.socket)
+    pub fn loader(&self) -> CellClient {
+        CellClient::new(&self.socket)
     }
 
     /// Locks the state.
@@ -75,12 +80,16 @@ impl Gateway {
 
     /// Wakes the engine: there is something to do.
     pub fn wake(&self) {
+        self.is_woken.store(true, Ordering::Relaxed);
         self.changed.notify_all();
     }
 
     /// Waits until there is something to do, at most for `time`.
     pub fn sleep(&self, time: Duration) {
-        let waited = self.changed.wait_timeout(self.state(), time);
+        let is_asleep = |_: &mut GatewayState| !self.is_woken.swap(false, Ordering::Relaxed);
+        let waited = self
+            .changed
+            .wait_timeout_while(self.state(), time, is_asleep);
         drop(waited.unwrap_or_else(PoisonError::into_inner));
     }
 
@@ -109,11 +118,11 @@ impl Gateway {
     /// Returns why the net was rejected, in one sentence.
     pub fn load(
         &self,
-        loader: &mut LoaderClient,
+        loader: &mut CellClient,
         session: &str,
         text: &str,
     ) -> Result<String, String> {
-        let name = format!("rpi{}net{}", std::process::id(), self.state().number("net"));
+        let name = format!("{}{}", net_prefix(), self.state().number("net"));
         let text = net_text::prepare(text, &name, &self.device_names(), NetUse::Run)
             .map_err(|error| error.to_string())?;
         let _cell = self.keep_cell();
@@ -127,7 +136,7 @@ impl Gateway {
     ///
     /// # Errors
     /// Returns why it was rejected.
-    pub fn ensure_loaded(&self, loader: &mut LoaderClient, name: &str) -> Result<(), String> {
+    pub fn ensure_loaded(&self, loader: &mut CellClient, name: &str) -> Result<(), String> {
         let text = match self.state().nets.get(name) {
             Some(net) if net.command.is_none() && !net.state.is_over() => Arc::clone(&net.text),
             _ => return Ok(()),
@@ -143,12 +152,12 @@ impl Gateway {
             net.command = Some(command);
             net.written.clone()
         };
-        match written.is_empty() {
-            true => Ok(()),
-            false => loader
-                .set(name, &written)
-                .map_err(|error| error.to_string()),
+        if !written.is_empty() {
+            let set = loader.set(name, &written);
+            set.map_err(|error| error.to_string())?;
         }
+        firing::mirror_all(self, loader, name);
+        Ok(())
     }
 
     /// Returns the names of the cell's devices by those of the library.
@@ -164,7 +173,7 @@ impl Gateway {
     /// Loads a text; where the core's table is full, nets that no rule would start make room.
     fn install(
         &self,
-        loader: &mut LoaderClient,
+        loader: &mut CellClient,
         text: &NetText,
     ) -> Result<(u64, CommandDetail), String> {
         loop {
@@ -183,7 +192,7 @@ impl Gateway {
     }
 
     /// Unloads the oldest net that no rule would start; it is loaded again when a rule names it.
-    fn make_room(&self, loader: &mut LoaderClient) -> bool {
+    fn make_room(&self, loader: &mut CellClient) -> bool {
         let name = {
             let mut state = self.state();
             let idle = state.nets.iter().filter(|(name, net)| {
@@ -206,7 +215,7 @@ impl Gateway {
     /// Returns why it cannot be evaluated, in one sentence.
     pub fn evaluate(
         &self,
-        loader: &mut LoaderClient,
+        loader: &mut CellClient,
         text: &str,
     ) -> Result<Vec<(String, String)>, String> {
         let name = format!(
@@ -296,7 +305,7 @@ fn refuse_while_running(state: &GatewayState, what: &str) -> Result<(), (u16, St
 
 /// Starts an evaluated net and reads its values when it has ended.
 fn evaluated(
-    loader: &mut LoaderClient,
+    loader: &mut CellClient,
     net: &GatewayNet,
     command: &str,
 ) -> Result<Vec<(String, String)>, LoaderError> {
@@ -316,21 +325,42 @@ fn evaluated(
     Ok(found.into_iter().collect())
 }
 
-/// Reads the values that a net reports; null values are missing. Returns the state of the command.
+/// Returns the beginning of the names of this gateway's nets.
+#[must_use]
+pub fn net_prefix() -> String {
+    format!("rpi{}net", std::process::id())
+}
+
+/// The command of which values were read.
+#[derive(Debug)]
+pub struct ReadCommand {
+    /// Its state.
+    pub state: String,
+    /// The net's name.
+    pub net: String,
+    /// Cycle of the values.
+    pub cycle: u64,
+}
+
+/// Reads the values that a net reports; null values are missing.
 ///
 /// # Errors
 /// Returns the loader's refusal.
 pub fn read_values(
-    loader: &mut LoaderClient,
+    loader: &mut CellClient,
     net: &GatewayNet,
     command: &str,
     values: &mut BTreeMap<String, String>,
-) -> Result<(String, String), LoaderError> {
+) -> Result<ReadCommand, LoaderError> {
     /// More ports than this are asked for by one pattern.
     const NAMED_MAX: usize = 48;
     if net.reported.is_empty() {
         let detail = loader.state(command)?;
-        return Ok((detail.command.state, detail.command.net));
+        return Ok(ReadCommand {
+            state: detail.command.state,
+            net: detail.command.net,
+            cycle: 0,
+        });
     }
     let ports: Vec<String> = match net.reported.len() {
         0..=NAMED_MAX => net
@@ -354,7 +384,11 @@ pub fn read_values(
             None => values.remove(&reported.key),
         };
     }
-    Ok((view.state, view.net))
+    Ok(ReadCommand {
+        state: view.state,
+        net: view.net,
+        cycle: view.cycle,
+    })
 }
 
 /// Returns a net that has just been loaded.
@@ -364,6 +398,7 @@ fn described(session: &str, text: NetText, command: u64, detail: &CommandDetail)
     let reported = names.monitors.iter().filter_map(|monitor| {
         Some(ReportedValue {
             port: format!("{}.value", monitor.primitive),
+            source: monitor.source.clone(),
             type_name: monitor.type_name.clone(),
             key: text.reported.get(&monitor.primitive)?.clone(),
         })
@@ -377,7 +412,6 @@ fn described(session: &str, text: NetText, command: u64, detail: &CommandDetail)
         command: Some(command),
         reported: reported.collect(),
         inputs: inputs.filter(|(id, _)| id != STOP_INPUT).collect(),
-        written: serde_json::Map::new(),
         uses: detail
             .command
             .uses
@@ -386,12 +420,8 @@ fn described(session: &str, text: NetText, command: u64, detail: &CommandDetail)
             .cloned()
             .collect::<BTreeSet<_>>(),
         can_cancel: detail.command.can_cancel,
-        values: BTreeMap::new(),
-        is_overtaken: false,
-        held_by: None,
-        is_ending: false,
-        cancelled_at: None,
         text: Arc::new(text),
+        ..GatewayNet::default()
     }
 }
 

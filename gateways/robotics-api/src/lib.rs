@@ -4,6 +4,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod attached;
+pub mod cell_stream;
 pub mod condition;
 pub mod devices;
 pub mod dio;
@@ -23,3 +24,5 @@ pub mod state;
 mod text_reader;
 pub mod values;
 pub mod websocket;
+
+pub use text_reader::SyntaxError;

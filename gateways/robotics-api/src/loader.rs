@@ -1,17 +1,17 @@
-//! A client of the loader's REST interface over the cell's Unix socket. Each thread that talks to the loader has one of
-//! its own; nothing here touches the cycle.
+//! The gateway's requests to the cell's loader, at a common pace. Each thread that talks to the loader has a client of its
+//! own; nothing here touches the cycle.
 
-use std::io::{self, Read, Write};
-use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{
-    CommandDetail, CommandRef, DeviceView, ErrorBody, Loaded, Switch, ValuesView,
+    CommandDetail, CommandRef, DeviceView, ErrorBody, Loaded, RuleBody, RulesBody, RulesInstalled,
+    StatusView, Switch, ValuesView,
 };
-use serde::de::DeserializeOwned;
-use serde_json::Value;
+use rcc_api::codes;
+use rcc_client::{Lines, LoaderClient, RequestError, segment};
+use serde_json::{Map, Value};
 
 use crate::pace::Pace;
 
@@ -21,34 +21,23 @@ const ANSWER_TIME_MAX: Duration = Duration::from_secs(15);
 const LOADING_TIME_MAX: Duration = Duration::from_secs(60);
 /// Pause between two looks at a net that is loading.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
-/// Largest answer in bytes.
-const ANSWER_MAX: u64 = 64 << 20;
 
-/// Why the loader did not do what was asked.
+/// The reason why the loader did not do what was asked, in one sentence.
 #[derive(Debug, thiserror::Error)]
-pub enum LoaderError {
-    /// It cannot be reached; the cell may be restarting.
-    #[error("the cell's loader cannot be reached: {0}")]
-    Unreachable(#[from] io::Error),
-    /// It refused the request.
-    #[error("{}", words(.0))]
-    Refused(Box<ErrorBody>),
-    /// Its answer is not that of the interface.
-    #[error("the loader's answer to {0} cannot be read")]
-    Answer(String),
-    /// A net is still loading after a long time.
-    #[error("the net is still loading after {LOADING_TIME_MAX:?}")]
-    Loading,
-}
+#[error("{}", words(&.0.body))]
+pub struct LoaderError(#[from] RequestError);
 
 impl LoaderError {
     /// Returns the code of a refusal.
     #[must_use]
     pub fn code(&self) -> &str {
-        match self {
-            LoaderError::Refused(body) => &body.code,
-            _ => "",
-        }
+        &self.0.body.code
+    }
+
+    /// Returns true if the loader did not answer; the cell may be restarting.
+    #[must_use]
+    pub fn is_unreachable(&self) -> bool {
+        [codes::NO_LOADER.code, codes::LOADER_SILENT.code].contains(&self.code())
     }
 }
 
@@ -60,30 +49,31 @@ fn words(body: &ErrorBody) -> String {
     }
 }
 
-/// A connection to the loader, opened when it is needed. Commands are named by their net, which is unique: an id means
-/// another command once the executor was started again.
+/// Requests to the loader of one cell. Commands are named by their net, which is unique: an id means another command
+/// once the executor was started again.
 #[derive(Debug)]
-pub struct LoaderClient {
+pub struct CellClient {
     socket: PathBuf,
-    open: Option<UnixStream>,
+    /// Made at the first request.
+    client: Option<LoaderClient>,
     pace: Option<Arc<Pace>>,
 }
 
-impl LoaderClient {
+impl CellClient {
     /// Returns a client of the loader with this socket.
     #[must_use]
-    pub fn new(socket: &Path) -> LoaderClient {
-        LoaderClient {
+    pub fn new(socket: &Path) -> CellClient {
+        CellClient {
             socket: socket.to_owned(),
-            open: None,
+            client: None,
             pace: None,
         }
     }
 
     /// Returns this client at a common pace of clients. CANCEL and ABORT do not wait for it.
     #[must_use]
-    pub fn at(self, pace: Arc<Pace>) -> LoaderClient {
-        LoaderClient {
+    pub fn at(self, pace: Arc<Pace>) -> CellClient {
+        CellClient {
             pace: Some(pace),
             ..self
         }
@@ -94,18 +84,20 @@ impl LoaderClient {
     /// # Errors
     /// Returns an error if the loader takes no net, or if it is still loading after a minute.
     pub fn load(&mut self, text: &str) -> Result<CommandDetail, LoaderError> {
-        let Loaded { id, .. } = self.request("POST", "/commands?file=net", text)?;
+        let Loaded { id, .. } = self.paced()?.post("/commands?file=net", text.to_owned())?;
         let begun = Instant::now();
         loop {
             let state = self.state(&id.to_string())?;
             if state.command.state != "loading" {
                 return match state.command.state.as_str() {
                     "rejected" => Ok(state),
-                    _ => self.request("GET", &format!("/commands/{id}"), ""),
+                    _ => Ok(self.paced()?.get(&format!("/commands/{id}"))?),
                 };
             }
             if begun.elapsed() > LOADING_TIME_MAX {
-                return Err(LoaderError::Loading);
+                let message = format!("the net is still loading after {LOADING_TIME_MAX:?}");
+                let help = "load it again when the machine is less busy";
+                return Err(RequestError::new(codes::LOADER_SILENT, message, help).into());
             }
             std::thread::sleep(LOOK_EVERY);
         }
@@ -116,7 +108,8 @@ impl LoaderClient {
     /// # Errors
     /// Returns an error if there is no such command.
     pub fn state(&mut self, command: &str) -> Result<CommandDetail, LoaderError> {
-        self.request("GET", &format!("/commands/{command}?brief=true"), "")
+        let path = path(command, "?brief=true");
+        Ok(self.paced()?.get(&path)?)
     }
 
     /// Carries out `start`, `cancel` or `abort`.
@@ -124,8 +117,13 @@ impl LoaderClient {
     /// # Errors
     /// Returns the loader's refusal.
     pub fn operate(&mut self, command: &str, operation: &str) -> Result<(), LoaderError> {
-        self.request::<Value>("POST", &format!("/commands/{command}/{operation}"), "")
-            .map(drop)
+        let client = match operation {
+            "start" => self.paced()?,
+            _ => self.client()?,
+        };
+        let path = path(command, &format!("/{operation}"));
+        client.post::<Value>(&path, String::new())?;
+        Ok(())
     }
 
     /// Stops some commands and starts others between the same two cycles.
@@ -139,23 +137,32 @@ impl LoaderClient {
             start: named(start),
             ..Switch::default()
         };
-        // Numbers can be serialized.
-        let body = serde_json::to_string(&body).unwrap_or_default();
-        self.request::<Value>("POST", "/switch", &body).map(drop)
+        self.paced()?.post::<Value>("/switch", text(&body))?;
+        Ok(())
+    }
+
+    /// Installs a rule that the core judges in every cycle; returns its number.
+    ///
+    /// # Errors
+    /// Returns the loader's refusal.
+    pub fn install(&mut self, rule: RuleBody) -> Result<u64, LoaderError> {
+        let body = RulesBody {
+            rules: vec![rule],
+            lease: None,
+        };
+        let installed: RulesInstalled = self.paced()?.post("/rules", text(&body))?;
+        // One rule was sent, so that one was installed.
+        Ok(installed.rules.first().map_or(0, |rule| rule.rule))
     }
 
     /// Sets inputs of a command.
     ///
     /// # Errors
     /// Returns the loader's refusal; nothing was set then.
-    pub fn set(
-        &mut self,
-        command: &str,
-        inputs: &serde_json::Map<String, Value>,
-    ) -> Result<(), LoaderError> {
-        let body = Value::Object(inputs.clone()).to_string();
-        self.request::<Value>("PUT", &format!("/commands/{command}/inputs"), &body)
-            .map(drop)
+    pub fn set(&mut self, command: &str, inputs: &Map<String, Value>) -> Result<(), LoaderError> {
+        let path = path(command, "/inputs");
+        self.paced()?.put::<Value>(&path, text(inputs))?;
+        Ok(())
     }
 
     /// Reads the inputs of the monitors of a command, which are the values that the application sees.
@@ -163,12 +170,7 @@ impl LoaderClient {
     /// # Errors
     /// Returns the loader's refusal.
     pub fn values(&mut self, command: &str, ports: &[String]) -> Result<ValuesView, LoaderError> {
-        // Ids of monitors need no escapes.
-        self.request(
-            "GET",
-            &format!("/commands/{command}/values?ports={}", ports.join(",")),
-            "",
-        )
+        Ok(self.paced()?.values(command, ports)?)
     }
 
     /// Removes a command that is not active.
@@ -176,8 +178,16 @@ impl LoaderClient {
     /// # Errors
     /// Returns the loader's refusal.
     pub fn unload(&mut self, command: &str) -> Result<(), LoaderError> {
-        self.request::<Value>("DELETE", &format!("/commands/{command}"), "")
-            .map(drop)
+        self.paced()?.delete::<Value>(&path(command, ""))?;
+        Ok(())
+    }
+
+    /// Returns the executor's health.
+    ///
+    /// # Errors
+    /// Returns the loader's refusal.
+    pub fn status(&mut self) -> Result<StatusView, LoaderError> {
+        Ok(self.paced()?.get("/status")?)
     }
 
     /// Lists the devices of the cell.
@@ -185,104 +195,44 @@ impl LoaderClient {
     /// # Errors
     /// Returns the loader's refusal.
     pub fn devices(&mut self) -> Result<Vec<DeviceView>, LoaderError> {
-        self.request("GET", "/devices", "")
+        Ok(self.paced()?.get("/devices")?)
     }
 
-    fn request<T: DeserializeOwned>(
-        &mut self,
-        method: &str,
-        path: &str,
-        body: &str,
-    ) -> Result<T, LoaderError> {
-        let is_stop = path.ends_with("/cancel") || path.ends_with("/abort");
-        if let Some(pace) = self.pace.as_ref().filter(|_| !is_stop) {
+    /// Opens a stream: its lines as they arrive.
+    ///
+    /// # Errors
+    /// Returns the loader's refusal.
+    pub fn stream(&mut self, path: &str) -> Result<Lines<'_>, LoaderError> {
+        Ok(self.paced()?.lines(path)?)
+    }
+
+    /// Returns the client when its turn has come.
+    fn paced(&mut self) -> Result<&LoaderClient, LoaderError> {
+        if let Some(pace) = &self.pace {
             pace.wait();
         }
-        let head = format!(
-            "{method} {path} HTTP/1.1\r\nhost: rcc\r\ncontent-length: {}\r\n\r\n",
-            body.len()
-        );
-        // A connection that was idle may have been closed; the request is then sent once more.
-        let kept = self.open.take();
-        let answer = match kept.map(|stream| exchange(stream, &head, body)) {
-            Some(Ok(answer)) => answer,
-            Some(Err(error)) if !is_closed(&error) => return Err(error.into()),
-            _ => {
-                let stream = UnixStream::connect(&self.socket)?;
-                stream.set_read_timeout(Some(ANSWER_TIME_MAX))?;
-                stream.set_write_timeout(Some(ANSWER_TIME_MAX))?;
-                exchange(stream, &head, body)?
+        self.client()
+    }
+
+    fn client(&mut self) -> Result<&LoaderClient, LoaderError> {
+        let client = match self.client.take() {
+            Some(client) => client,
+            None => {
+                // The socket is in the folder of the cell.
+                let cell = self.socket.parent().and_then(Path::file_name);
+                let cell = cell.unwrap_or_default().to_string_lossy();
+                LoaderClient::new(&cell, &self.socket, ANSWER_TIME_MAX)?
             }
         };
-        self.open = answer.kept;
-        let unread = |_| LoaderError::Answer(format!("{method} {path}"));
-        match answer.status {
-            200..=299 => serde_json::from_slice(&answer.body).map_err(unread),
-            _ => Err(LoaderError::Refused(Box::new(
-                serde_json::from_slice(&answer.body).map_err(unread)?,
-            ))),
-        }
+        Ok(self.client.insert(client))
     }
 }
 
-/// Returns true if the other side closed the connection before it answered.
-fn is_closed(error: &io::Error) -> bool {
-    use io::ErrorKind::{BrokenPipe, ConnectionReset, UnexpectedEof};
-    matches!(error.kind(), BrokenPipe | ConnectionReset | UnexpectedEof)
+fn path(command: &str, rest: &str) -> String {
+    format!("/commands/{}{rest}", segment(command))
 }
 
-struct HttpAnswer {
-    status: u16,
-    body: Vec<u8>,
-    /// The connection, if it can carry another request.
-    kept: Option<UnixStream>,
-}
-
-fn exchange(mut stream: UnixStream, head: &str, body: &str) -> io::Result<HttpAnswer> {
-    stream.write_all([head.as_bytes(), body.as_bytes()].concat().as_slice())?;
-    let mut received = Vec::new();
-    let mut piece = [0; 16 << 10];
-    let (head_length, status, length) = loop {
-        let read = stream.read(&mut piece)?;
-        if read == 0 {
-            return Err(io::ErrorKind::UnexpectedEof.into());
-        }
-        received.extend_from_slice(piece.get(..read).unwrap_or_default());
-        if let Some(head) = answer_head(&received)? {
-            break head;
-        }
-    };
-    let mut body = received.split_off(head_length);
-    let missing = length.saturating_sub(body.len() as u64);
-    (&mut stream).take(missing).read_to_end(&mut body)?;
-    if (body.len() as u64) < length {
-        return Err(io::ErrorKind::UnexpectedEof.into());
-    }
-    Ok(HttpAnswer {
-        status,
-        body,
-        kept: Some(stream),
-    })
-}
-
-/// Returns length, status and length of the body of a complete head.
-fn answer_head(received: &[u8]) -> io::Result<Option<(usize, u16, u64)>> {
-    let invalid = || io::Error::from(io::ErrorKind::InvalidData);
-    let mut headers = [httparse::EMPTY_HEADER; 32];
-    let mut answer = httparse::Response::new(&mut headers);
-    let parsed = answer.parse(received).map_err(|_| invalid())?;
-    let httparse::Status::Complete(head_length) = parsed else {
-        return Ok(None);
-    };
-    let status = answer.code.ok_or_else(invalid)?;
-    let length = answer
-        .headers
-        .iter()
-        .find(|header| header.name.eq_ignore_ascii_case("content-length"));
-    let length =
-        length.and_then(|header| std::str::from_utf8(header.value).ok()?.trim().parse().ok());
-    let length = length
-        .filter(|length| *length <= ANSWER_MAX)
-        .ok_or_else(invalid)?;
-    Ok(Some((head_length, status, length)))
+/// Returns the text of a body; numbers and texts can be serialized.
+fn text(body: &impl serde::Serialize) -> String {
+    serde_json::to_string(body).unwrap_or_default()
 }

@@ -15,9 +15,9 @@ use rcc_process::Stop;
 use rcc_robotics_api::attached::{self, DeviceAlias};
 use rcc_robotics_api::devices::CellOptions;
 use rcc_robotics_api::gateway::{Gateway, GatewayOptions};
-use rcc_robotics_api::loader::LoaderClient;
+use rcc_robotics_api::loader::CellClient;
 use rcc_robotics_api::own_cell::{OwnCell, rcc_cli_beside};
-use rcc_robotics_api::{engine, server};
+use rcc_robotics_api::{cell_stream, engine, server};
 
 /// Lets applications of the Java Robotics API v2 drive a cell, without a change of them.
 ///
@@ -93,6 +93,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         }
     })?;
     spawn("engine", |gateway| engine::run(gateway))?;
+    spawn("cell-stream", |gateway| cell_stream::run(gateway))?;
     let served = Arc::clone(&gateway);
     let serve = move || server::serve(&listener, &served);
     std::thread::Builder::new()
@@ -139,7 +140,7 @@ fn gateway(arguments: &Arguments) -> Result<Gateway, String> {
     let cell = cell
         .ok_or_else(|| format!("cell '{name}' not found: start it first, or leave out --cell"))?;
     let gateway = Gateway::new(options, cell.socket(), None);
-    let devices = LoaderClient::new(&cell.socket()).devices();
+    let devices = CellClient::new(&cell.socket()).devices();
     let devices =
         devices.map_err(|error| format!("the devices of cell '{name}' cannot be read: {error}"))?;
     gateway

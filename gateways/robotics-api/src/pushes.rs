@@ -18,9 +18,10 @@ pub const AFTER_FIRED: Duration = Duration::from_millis(20);
 pub const HOLD_BACK_MAX: Duration = Duration::from_millis(300);
 
 /// The state of a net as the library knows it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NetState {
     /// It is ready, and no rule would start it.
+    #[default]
     Ready,
     /// A rule may start it.
     Scheduled,

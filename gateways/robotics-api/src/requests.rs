@@ -12,7 +12,7 @@ use crate::condition::Condition;
 use crate::dio::{DioMessage, DioValue};
 use crate::firing;
 use crate::gateway::Gateway;
-use crate::loader::LoaderClient;
+use crate::loader::CellClient;
 use crate::outbox::Outbox;
 use crate::pushes::NetState;
 use crate::state::{RuleState, ScheduleRule, Session};
@@ -28,7 +28,7 @@ const INTERVAL_MIN: Duration = Duration::from_millis(5);
 pub struct Dialogue {
     gateway: Arc<Gateway>,
     outbox: Outbox,
-    loader: LoaderClient,
+    loader: CellClient,
     has_shaken_hands: bool,
     loading: Arc<AtomicUsize>,
 }
@@ -233,7 +233,8 @@ impl Dialogue {
             .first()
             .and_then(DioValue::text)
             .ok_or("nesc needs a condition")?;
-        let condition = Condition::parse(condition).map_err(|error| error.to_string())?;
+        let condition =
+            Condition::parse(condition).map_err(|error| format!("invalid condition: {error}"))?;
         let mut lists = Vec::new();
         for list in values.iter().skip(1).take(3) {
             lists.push(
@@ -332,9 +333,12 @@ impl Dialogue {
             told: None,
             trying_since: None,
             not_before: None,
+            core: None,
             subscribers: Vec::new(),
         };
         state.rules.insert(number, rule);
+        drop(state);
+        firing::mirror(&self.gateway, &mut self.loader, number);
         Ok(number)
     }
 

@@ -5,9 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::{CommandList, CommandRef, OnClientLoss, RuleBody};
 use serde_json::{Map, Value};
 
-use crate::condition::Condition;
+use crate::condition::{Condition, core_text};
 use crate::devices::DeviceKind;
 use crate::dio::{DioMessage, DioValue};
 use crate::net_text::NetText;
@@ -31,8 +32,10 @@ pub struct Session {
 /// A value that a net reports, as the core names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReportedValue {
-    /// `out_2.value`.
+    /// The monitor's input: `out_2.value`.
     pub port: String,
+    /// The port that the monitor observes; that of a constant is its own input.
+    pub source: String,
     /// Type in the core.
     pub type_name: String,
     /// Key of the library.
@@ -40,7 +43,7 @@ pub struct ReportedValue {
 }
 
 /// A net of the library.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct GatewayNet {
     /// Its session.
     pub session: String,
@@ -62,6 +65,12 @@ pub struct GatewayNet {
     pub can_cancel: bool,
     /// Newest values by key; null values are missing.
     pub values: BTreeMap<String, String>,
+    /// Cycle in which all values were read together; what the stream tells of earlier ones is out of date.
+    pub values_cycle: u64,
+    /// Values by key that the stream has told since the engine's last turn, with their cycles; `None` is null.
+    pub fresh: BTreeMap<String, (u64, Option<String>)>,
+    /// When its state was last asked for; `None` if it must be asked for now.
+    pub asked: Option<Instant>,
     /// True once another net has taken its arm or outputs: conditions no longer see its values.
     pub is_overtaken: bool,
     /// A rule that started it and that its client may not know to have fired, and when that was.
@@ -73,9 +82,10 @@ pub struct GatewayNet {
 }
 
 /// The state of a rule.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RuleState {
     /// It waits for its condition.
+    #[default]
     Active,
     /// It has fired.
     Fired,
@@ -99,7 +109,7 @@ impl RuleState {
 }
 
 /// A synchronization rule.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ScheduleRule {
     /// Session of its first net.
     pub session: String,
@@ -119,6 +129,8 @@ pub struct ScheduleRule {
     pub trying_since: Option<Instant>,
     /// When the next attempt is due, after one in which the motion did not continue within the arm's limits.
     pub not_before: Option<Instant>,
+    /// Number of the core's rule that does the same in the cycle in which the condition becomes true, if there is one.
+    pub core: Option<u64>,
     /// Subscriptions that have not seen its last state.
     pub subscribers: Vec<(Outbox, String)>,
 }
@@ -157,6 +169,10 @@ pub struct GatewayState {
     pub devices: BTreeMap<String, ReportedDevice>,
     /// Sessions that each connection belongs to.
     pub connections: BTreeMap<u64, BTreeSet<String>>,
+    /// True while the cell's stream tells what happens.
+    pub is_streaming: bool,
+    /// When the devices were last asked for; `None` if they must be asked for now.
+    pub devices_asked: Option<Instant>,
     net_subscriptions: Vec<(String, Outbox, NetSubscription)>,
     device_subscriptions: Vec<DeviceSubscription>,
     numbers: BTreeMap<&'static str, u64>,
@@ -240,6 +256,7 @@ impl GatewayState {
             return;
         };
         net.state = NetState::Running;
+        net.asked = None;
         net.held_by = rule.map(|rule| (rule, now));
         let uses = net.uses.clone();
         for (other, net) in &mut self.nets {
@@ -283,6 +300,56 @@ impl GatewayState {
         }
     }
 
+    /// Returns the rule of the core that does the same as a rule which cancels on a condition; `None` for other rules, and
+    /// for those of which a net is not in the core or was never there.
+    #[must_use]
+    pub fn core_rule(&self, number: u64) -> Option<RuleBody> {
+        let rule = self.rules.get(&number)?;
+        let loaded = |name: &str| {
+            let net = self.nets.get(name)?;
+            (net.command.is_some() && !net.state.is_over()).then_some(net)
+        };
+        let port = |net: &str, key: &str| {
+            let mut reported = loaded(net)?.reported.iter();
+            let found = reported.find(|value| value.key == key)?;
+            // A constant has no port that the core could read.
+            (found.source != found.port).then(|| found.source.clone())
+        };
+        let is_cancel = rule.state == RuleState::Active
+            && rule.condition != Condition::Always
+            && rule.stop.is_empty()
+            && rule.start.is_empty()
+            && !rule.cancel.is_empty()
+            && rule
+                .cancel
+                .iter()
+                .all(|name| loaded(name).is_some_and(|net| net.can_cancel));
+        if !is_cancel {
+            return None;
+        }
+        let cancel = rule.cancel.iter().cloned().map(CommandRef::Name).collect();
+        Some(RuleBody {
+            name: Some(format!("gateway rule {number}")),
+            when: core_text(&rule.condition, &port)?,
+            cancel: CommandList::Several(cancel),
+            // A guard stays when its client is gone: it only ever cancels.
+            on_client_loss: OnClientLoss::GoOn,
+            ..RuleBody::default()
+        })
+    }
+
+    /// Notes that the core has fired a rule; returns true if it is one of the gateway's.
+    pub fn core_fired(&mut self, core: u64) -> bool {
+        let mut rules = self.rules.iter();
+        let rule = rules
+            .find(|(_, rule)| rule.core == Some(core) && rule.state == RuleState::Active)
+            .map(|(number, _)| *number);
+        if let Some(number) = rule {
+            self.decide(number, RuleState::Fired, Instant::now());
+        }
+        rule.is_some()
+    }
+
     /// Subscribes to the devices and pushes them.
     pub fn subscribe_devices(&mut self, outbox: &Outbox, tag: &str) {
         self.device_subscriptions.push(DeviceSubscription {
@@ -290,6 +357,7 @@ impl GatewayState {
             tag: tag.to_owned(),
             told: BTreeMap::new(),
         });
+        self.devices_asked = None;
         self.push_devices();
     }
 
@@ -310,6 +378,19 @@ impl GatewayState {
             let messages = subscription.changes(&current);
             subscription.told.clone_from(&current);
             subscription.outbox.send(&messages);
+        }
+    }
+
+    /// Takes over the values that the stream has told since the last turn.
+    pub fn take_fresh(&mut self) {
+        for net in self.nets.values_mut() {
+            for (key, (cycle, value)) in std::mem::take(&mut net.fresh) {
+                match value {
+                    _ if cycle < net.values_cycle => None,
+                    Some(value) => net.values.insert(key, value),
+                    None => net.values.remove(&key),
+                };
+            }
         }
     }
 

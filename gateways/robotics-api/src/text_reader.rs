@@ -1,8 +1,9 @@
 //! A reader for the texts of messages and conditions, with the expected syntax and its position in errors. Pure functions.
 
-/// A syntax error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Unexpected {
+/// A text that is not a message or a condition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {wanted} at character {at}")]
+pub struct SyntaxError {
     /// Name of the expected syntax.
     pub wanted: &'static str,
     /// Byte offset, from 0.
@@ -29,8 +30,8 @@ impl<'t> TextReader<'t> {
     }
 
     /// Returns the error for the next byte.
-    pub fn wanted(&self, wanted: &'static str) -> Unexpected {
-        Unexpected {
+    pub fn wanted(&self, wanted: &'static str) -> SyntaxError {
+        SyntaxError {
             wanted,
             at: self.at,
         }
@@ -55,7 +56,7 @@ impl<'t> TextReader<'t> {
     ///
     /// # Errors
     /// Fails if it is not there.
-    pub fn expect(&mut self, byte: u8, wanted: &'static str) -> Result<(), Unexpected> {
+    pub fn expect(&mut self, byte: u8, wanted: &'static str) -> Result<(), SyntaxError> {
         match self.take(byte) {
             true => Ok(()),
             false => Err(self.wanted(wanted)),

@@ -8,11 +8,18 @@ pub fn recorded(file: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// A net without devices: `out_c` is its cancel, `out_go` what the application sets as `in_go`, `out_x` counts cycles.
+/// A net without devices: `out_c` is its cancel, `out_go` what the application sets as `in_go`, `out_x` its time in seconds.
 pub const IDLE: &str = "{1=Core::BooleanNetcommOut(inValue=2.outCancel,Key='_c',Value='false'),2=Cancel(),\
     3=Core::BooleanNetcommIn(Key='_go',Value='false'),4=Core::BooleanNetcommOut(inValue=3.outValue,Key='_go',Value='false'),\
     5=Core::Clock(Increment='1.0'),6=Core::DoubleNetcommOut(inValue=5.outValue,Key='_x',Value='0.0'),\
     7=Core::BooleanValue(Value='false'),outTerminate=7.outValue}";
+
+/// As [`IDLE`], with `out_g`, which is true in one cycle only, between two samples of its monitor.
+pub fn guarded() -> String {
+    let guard = "8=Core::DoubleEquals(inFirst=5.outValue,Second='0.406',Epsilon='0.0005'),\
+                 9=Core::BooleanNetcommOut(inValue=8.outValue,Key='_g',Value='false'),7=";
+    IDLE.replacen("7=", guard, 1)
+}
 
 /// A net whose result `out_2` is true in its first cycle.
 pub const AT_ONCE: &str = "{1=Core::BooleanNetcommOut(inValue=2.outValue,Key='_2',Value='false'),\

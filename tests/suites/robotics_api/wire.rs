@@ -4,9 +4,11 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::time::Duration;
 
+use serde_json::Value;
+
 use super::client::{Client, Connection, Heard, post, quoted, text_of};
 use super::gateway::GatewayFixture;
-use super::nets::{AT_ONCE, IDLE, values};
+use super::nets::{AT_ONCE, IDLE, guarded, values};
 
 fn texts(heard: &[Heard]) -> Vec<&str> {
     heard.iter().map(|heard| heard.text.as_str()).collect()
@@ -24,6 +26,7 @@ fn connections_requests_and_pushes_are_as_the_library_needs_them() {
     results_never_overtake_the_rule(port);
     values_go_in_and_come_out(port);
     evaluations_need_no_connection(port);
+    a_guard_is_judged_by_the_core_in_every_cycle(&gateway);
     gateway.stop();
 }
 
@@ -330,4 +333,30 @@ fn evaluations_need_no_connection(port: u16) {
         400
     );
     assert_eq!(post(port, "/nothing", "").0, 404);
+}
+
+/// A rule that cancels on a condition is a rule of the core: it does not miss what is true for one cycle.
+fn a_guard_is_judged_by_the_core_in_every_cycle(gateway: &GatewayFixture) {
+    let mut client = Client::connect(gateway.port);
+    let net = client.load(&guarded());
+    let name = net.name.as_str();
+    let guard = client.rule(&format!("{name}.out_g"), [&[], &[name], &[]]);
+    let rules = || {
+        let all = gateway.place.rest("GET", "/rules", "").body;
+        let of_net = |rule: &&Value| {
+            rule["when"]
+                .as_str()
+                .is_some_and(|when| when.contains(name))
+        };
+        let found = all
+            .as_array()
+            .and_then(|all| all.iter().find(of_net).cloned());
+        found.map(|rule| rule["state"].clone())
+    };
+    assert_eq!(rules(), Some("armed".into()));
+    client.rule(&format!("{name}.out_c"), [&[name], &[], &[]]);
+    client.rule("t", [&[], &[], &[name]]);
+    client.data.push(&guard, "rs(\"FIRED\")");
+    assert_eq!(rules(), Some("fired".into()));
+    client.await_end(&net);
 }
