@@ -20,7 +20,7 @@ pub use rules::{
 pub struct ErrorBody {
     /// `RCC1xxx` language, `RCC2xxx` configuration, `RCC3xxx` life cycle, `RCC4xxx` processes.
     pub code: String,
-    /// What is wrong, and where.
+    /// The error and its location, for people.
     pub message: String,
     /// The remedy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -37,7 +37,7 @@ pub struct Finding {
     pub code: String,
     /// `error` or `warning`.
     pub severity: String,
-    /// What is wrong.
+    /// The error or warning, for people.
     pub message: String,
     /// Its position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -718,7 +718,7 @@ pub struct PortView {
 /// A table of worked values of a primitive.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ExampleView {
-    /// What the example shows.
+    /// Title of the example.
     pub shows: String,
     /// Parameters as in a net; may be empty.
     pub parameters: String,

@@ -9,7 +9,7 @@ use crate::codes::ErrorCode;
 pub struct ApiError {
     /// Code, HTTP status and exit code.
     pub code: ErrorCode,
-    /// What is wrong, and where.
+    /// The error and its location, for people.
     pub message: String,
     /// The remedy.
     pub help: String,

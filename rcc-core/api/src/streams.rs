@@ -1,5 +1,5 @@
-//! What streams and set-point channels say: lines of JSON, and the data of server-sent events. Written by the loader,
-//! read by clients.
+//! Messages of streams and set-point channels: lines of JSON, and the data of server-sent events. Written by the
+//! loader, read by clients.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

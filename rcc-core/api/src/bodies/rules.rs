@@ -119,7 +119,7 @@ pub struct RuleBody {
     /// The client's lease; without it, that of the request.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lease: Option<u64>,
-    /// What happens when the client is gone.
+    /// Behaviour when the client is gone.
     #[serde(default)]
     pub on_client_loss: OnClientLoss,
 }
@@ -181,7 +181,7 @@ pub struct RuleView {
     /// The client's lease.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lease: Option<u64>,
-    /// What happens when the client is gone.
+    /// Behaviour when the client is gone.
     pub on_client_loss: OnClientLoss,
     /// Code of the reason why nothing followed.
     #[serde(default, skip_serializing_if = "Option::is_none")]

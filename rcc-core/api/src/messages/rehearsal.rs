@@ -244,7 +244,7 @@ const JUMPS: &str = "going slower does not help: the set-point jumps from one cy
                      `PoseGoal` or `ScalarGoal`, which limit velocity, acceleration and jerk, or with `RateLimit` if its velocity alone \
                      is the reason; `initial` of `ScalarGoal` and `RateLimit` is where the arm rests";
 
-/// What helps against a joint that is too fast.
+/// The remedy for a joint that exceeds a limit of velocity, acceleration or jerk.
 fn too_fast(foreseen: &PredictedViolation) -> String {
     let slower = match foreseen.slower {
         SlowerMotion::KeepsLimits { speed } => Some(format!(
