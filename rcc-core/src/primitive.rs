@@ -140,7 +140,7 @@ pub struct Spec {
 /// A worked example of a primitive: a table with one row per cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct Example {
-    /// What the example shows, in one phrase.
+    /// Title of the example, one phrase.
     pub shows: &'static str,
     /// Parameters as written in a net, `{gain: 0.25}`; empty if there are none.
     pub parameters: &'static str,

@@ -74,7 +74,7 @@ pub struct ExecutorConfig {
     pub late_in_a_row_max: u32,
     /// Share of a cycle that all nets may use together, in thousandths of the period; above 1000 overload is admitted.
     pub budget_permille: u32,
-    /// What happens if real time is not available.
+    /// Behaviour if the system does not grant real time.
     pub rt: RealTime,
 }
 

@@ -59,7 +59,7 @@ pub struct ChannelConfig {
     pub offset: f64,
     /// Smallest and largest value in SI units; a value outside is refused, never clamped.
     pub range: Option<[f64; 2]>,
-    /// What the driver does when the output is no longer commanded: present for every output, absent for inputs.
+    /// Action of the driver when the output is no longer commanded: present for every output, absent for inputs.
     pub on_release: Option<OnRelease>,
 }
 

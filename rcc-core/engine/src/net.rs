@@ -34,7 +34,7 @@ pub struct Net {
     start_conditions: StartConditions,
     inputs: NetInputs,
     outputs: Box<[DeviceOutput]>,
-    /// What its next evaluation, the first one, takes over, by device.
+    /// By device: motion of the arm that the first evaluation takes over at a hand-over.
     arms: Box<[Option<ArmMotion>]>,
     /// Number of primitives in each run.
     run_lengths: Box<[u32]>,

@@ -70,7 +70,7 @@ pub enum TriggerReason {
     },
 }
 
-/// What triggered the freezing of a recording, and when.
+/// Reason and cycle at which a recording was frozen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trigger {
     /// Reason.

@@ -289,7 +289,7 @@ fn any_primitive(branches: Vec<Value>) -> Value {
     })
 }
 
-/// What a `Formula` is, in one sentence.
+/// Description of `Formula`, one sentence.
 const ABOUT_FORMULA: &str = "An expression over named inputs and outputs of other primitives.";
 
 fn formula() -> Value {

@@ -67,7 +67,7 @@ pub struct Primitive {
     pub active: Option<Source>,
 }
 
-/// What an entry of `primitives` is an instance of.
+/// Kind of an entry of `primitives`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PrimitiveKind {
     /// `type: Add`: a type of the catalogue.

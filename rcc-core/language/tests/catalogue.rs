@@ -158,7 +158,7 @@ fn real(inputs: Inputs, random: &mut TestRandom) -> f64 {
         (Inputs::Anything, 2) => f64::from_bits(random.bits()),
         _ => random.share() * 16.0 - 8.0,
     };
-    // What an arena holds is never infinite.
+    // A slot of an arena never holds an infinite value.
     if value.is_infinite() { f64::NAN } else { value }
 }
 

@@ -414,7 +414,7 @@ impl LineFromRest {
     /// Words that [`LineFromRest::words`] gives.
     pub(crate) const WORDS: usize = JOINTS_MAX + 8;
 
-    /// What the line is made from again, as words.
+    /// The point of rest as words, from which the line can be built again.
     pub(crate) fn words(&self) -> [u64; Self::WORDS] {
         let RestPoint {
             joints,

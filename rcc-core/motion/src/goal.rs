@@ -278,7 +278,7 @@ impl GoalProblem {
         let [_, _, _, (cruise_s, _), ..] = go;
         let [stop_s, go_s] =
             [&stop[..], &go[..]].map(|way| way.iter().map(|(t, _)| t).sum::<f64>());
-        // What remains after the cut has room for every other phase of the time-optimal motion.
+        // The motion that remains after the cut is long enough for every other phase of the time-optimal motion.
         let cut_s = (cruise_s - 4.0 * (stop_s + go_s - cruise_s)).max(0.0);
         let way = to.position - from.position;
         let cut = (velocity * cut_s).copysign(to.position - rest.position);

@@ -1,4 +1,4 @@
-//! What tests and benchmarks of several packages repeat: arms, random numbers, temporary folders, and the growth of work
+//! Shared by tests and benchmarks of several packages: arms, random numbers, temporary folders, and the growth of work
 //! with the size of an input. Any thread.
 
 pub mod arms;

@@ -1,4 +1,4 @@
-//! What a client asks a loader about its lease. Run by the test harness; a thread of the test answers as a loader does.
+//! Requests of a client about its lease. Run by the test harness; a thread of the test answers as a loader does.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -26,7 +26,7 @@ pub(super) struct Handover {
     pub(super) since_cycle: u64,
 }
 
-/// What became of a hand-over in this cycle.
+/// Result of trying a hand-over in this cycle.
 pub(super) enum HandoverOutcome {
     /// It was carried out.
     Done(HandoverRows),

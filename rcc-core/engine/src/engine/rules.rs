@@ -27,7 +27,7 @@ use crate::rule::{CommandFacts, Judgement, TruthSet, judge};
 /// A refusal with the id of the command that it concerns; 0: none.
 pub(super) type RuleRefusal = (u64, Refusal);
 
-/// What becomes of a rule that is due.
+/// Result of trying to fire a rule that is due.
 enum Firing {
     Fired(RowSet),
     Waits,
@@ -64,7 +64,7 @@ impl<B: DeviceBoards> Engine<B> {
         rows
     }
 
-    /// What rules see of the command with this id, which was in `row` when the rule was installed.
+    /// Facts for conditions about the command with this id, which was in `row` when the rule was installed.
     pub(super) fn facts(&self, id: u64, row: RowIndex) -> CommandFacts {
         let command = &self.commands[row];
         let entry = &command.entry;
@@ -292,7 +292,7 @@ impl<B: DeviceBoards> Engine<B> {
             touched.insert(row);
         }
         for id in ids(&rule.cancel) {
-            // What has ended, or is being cancelled already, needs nothing; anything else was checked above.
+            // A refusal means that the command has ended or is being cancelled; everything else was checked above.
             if let Ok(row) = self.commands.find(id, |_| true) {
                 let _: Result<(), Refusal> = self.cancel(id);
                 touched.insert(row);

@@ -44,7 +44,7 @@ enum NetEnd {
     Unknown,
 }
 
-/// What is known about rules and commands at this place of the recording.
+/// State of rules and commands at the current cycle of the recording.
 #[derive(Default)]
 pub(super) struct RuleReplay {
     rules: BTreeMap<usize, ReplayedRule>,
@@ -114,7 +114,7 @@ impl RuleReplay {
         }
     }
 
-    /// What rules see of a command; `None` if it is not known.
+    /// Facts for conditions about a command; `None` if they are not known.
     fn facts(&self, id: u64) -> Option<CommandFacts> {
         let &(state, reason) = self.states.get(&id)?;
         let ended = matches!(reason, EndReason::Finished | EndReason::Canceled);

@@ -1,4 +1,4 @@
-//! What is checked when rules are installed, and the bounds of their table.
+//! Checks at the installation of rules, and the bounds of their table.
 
 use rcc_core::plan::Resource;
 use rcc_protocol::rules::{RULE_TERMS_MAX, RULES_MAX, RULES_PER_CYCLE, RuleFault};

@@ -73,7 +73,7 @@ fn a_rule_that_goes_on_does_and_one_whose_client_is_there_too() {
             }
         }
         assert_eq!(fixture.state(second), CommandState::Running);
-        // What a rule with a lease has started is bound to it; what goes on is not.
+        // Commands that a rule with a lease has started are bound to it, except with `goes_on`.
         fixture.steps(200);
         assert_eq!(fixture.state(second).is_active(), goes_on);
     }

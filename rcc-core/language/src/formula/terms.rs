@@ -254,7 +254,7 @@ impl BodyLowering<'_> {
             }
             Value::Operation(ref output) if !output.delayed => value,
             Value::Refused => return Ok(Value::Refused),
-            // What is no output, or delayed already, is one after a Copy.
+            // A value that is not an output, or an output that is delayed already: a Copy gives it its own output.
             value => self.operations.value(Operation {
                 spec: Some(spec("Copy")),
                 symbol: "prev".to_owned(),

@@ -11,7 +11,7 @@ use crate::resolve::{InputSource, ListElement, NetGraph, ResolvedLink, ResolvedP
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::{ListPosition, ValuePart};
 
-/// What is known of the open type and the open lengths of one item.
+/// The open type and the open lengths of one item, as far as they are known.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TypeVariables {
     ty: Option<Type>,

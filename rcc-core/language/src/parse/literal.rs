@@ -34,7 +34,7 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
     };
     let canonical = Literal::new(shape, node.span);
     let notation = match &node.value {
-        // What the conditions of refused legs read is read.
+        // Legs that are refused keep their notation: outputs that their conditions read count as read.
         Value::List(nodes) if canonical.is_refused() && legs::are_legs(nodes) => {
             return Literal {
                 notation: Notation::Rows(node.clone()),
