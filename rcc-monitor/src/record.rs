@@ -32,7 +32,7 @@ const POLLS_HZ: u64 = 2000;
 /// Interval at which an executor is looked for.
 const FIND_EVERY: Duration = Duration::from_millis(50);
 
-/// What is recorded, and for how long.
+/// Selection of nets and ports, file, limits and duration of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordOptions {
     /// The file.
@@ -43,7 +43,7 @@ pub struct RecordOptions {
     pub duration: Option<Duration>,
     /// Greatest size of all files together, bytes.
     pub bytes_max: u64,
-    /// What happens then.
+    /// Behaviour at that size.
     pub when_full: WhenFull,
     /// Rate at which viewers get the arms, Hz.
     pub view_hz: f64,
@@ -61,7 +61,7 @@ pub enum RecordEnd {
     Size,
 }
 
-/// What was recorded.
+/// Result of a recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct RecordReport {
     /// Why it ended.
@@ -78,7 +78,7 @@ pub struct RecordReport {
     pub span_s: f64,
     /// Patterns of `--ports` for which no net had a monitor.
     pub unmatched: Vec<String>,
-    /// What is missing.
+    /// Counts of lost records.
     #[serde(flatten)]
     pub losses: RecordLosses,
 }

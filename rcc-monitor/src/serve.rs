@@ -48,7 +48,7 @@ const SIGNALS_EVERY: Duration = Duration::from_millis(100);
 /// Port without `--port`; the next free one is taken if it is in use.
 pub const PORT: u16 = 7426;
 
-/// What is served.
+/// Options of the dashboard.
 #[derive(Clone, Debug)]
 pub struct ServeOptions {
     /// Name of the cell.

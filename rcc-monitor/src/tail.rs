@@ -28,7 +28,7 @@ pub enum Format {
     Json,
 }
 
-/// What is printed, and for how long.
+/// Values to print, and for how long.
 #[derive(Clone, Debug)]
 pub struct TailOptions {
     /// Patterns of the values to show; all if empty.

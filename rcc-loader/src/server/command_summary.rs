@@ -1,5 +1,6 @@
-//! What the loader keeps in memory about each command: its name, and what lists, operations and refusals show. Plain
-//! data behind the lock of the store; used by the server's blocking threads and by the workers of CANCEL and ABORT.
+//! Summary of each command that the loader keeps in memory: its name, and the facts that lists, operations and refusals
+//! show. Plain data behind the lock of the store; used by the server's blocking threads and by the workers of CANCEL
+//! and ABORT.
 
 use rcc_api::bodies::{Finding, RehearsalView};
 use rcc_api::command_file::CommandFile;

@@ -78,7 +78,7 @@ fn a_request_that_is_answered_before_its_body_has_arrived_closes_the_connection(
     let mut stream = BufReader::new(connect(&test.cell));
     let large = kept("GET /primitives", "content-length: 100\r\n");
     assert_eq!(exchange_one(&mut stream, &large), (413, true));
-    // What follows is the body, and no request.
+    // These bytes belong to the body of the refused request, so they are not read as another request.
     let _ = stream
         .get_mut()
         .write_all(kept("GET /primitives", "").as_bytes());

@@ -126,7 +126,7 @@ impl McapFile {
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
-            // What was written once is not read again: a checksum of each chunk is enough.
+            // The file is written once, from front to back: a checksum of each chunk is enough.
             .calculate_data_section_crc(false)
             .create(NoSeek::new(output))
             .map_err(failed)?;
@@ -175,7 +175,7 @@ impl McapFile {
         let Some(writer) = self.writer.take() else {
             return;
         };
-        // What the buffer still has is after the last flush, and is dropped with it.
+        // Bytes that are still in the buffer came after the last flush, and are dropped with it.
         let (output, _) = writer.into_inner().into_inner().into_parts();
         // If this fails too, readers stop at the torn chunk instead.
         let _ = output.file.set_len(self.readable);

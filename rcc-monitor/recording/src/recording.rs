@@ -10,7 +10,7 @@ use crate::file::{AttachedText, ChannelInfo, McapFile, RecordingError};
 /// Number of segments that a recording without end consists of.
 pub const SEGMENTS: u64 = 8;
 
-/// What happens when a recording reaches its greatest size.
+/// Behaviour of a recording at its greatest size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
     /// It ends.
@@ -28,7 +28,7 @@ pub struct RecordingOptions {
     pub replace: bool,
     /// Greatest size of all files together, bytes.
     pub bytes_max: u64,
-    /// What happens then.
+    /// Behaviour at that size.
     pub when_full: WhenFull,
 }
 

@@ -62,14 +62,14 @@ impl Column {
     }
 }
 
-/// What a table is about.
+/// The net or device that a table describes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TableSubject {
     /// Name of the net or device.
     pub name: String,
     /// Topic, such as `/nets/line`.
     pub topic: String,
-    /// What else the channel's metadata contain.
+    /// Further metadata of the channel.
     pub metadata: BTreeMap<String, String>,
 }
 

@@ -1,5 +1,5 @@
-//! What a recorder reads of a cell: the record stream, the boards of the executor, and the measurements of the devices. All of
-//! it is what every monitor reads. Polled by the main thread.
+//! Sources of a recording: the record stream, the boards of the executor, and the measurements of the devices. Every
+//! monitor can read these. Polled by the main thread.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use rcc_recording::device::{ChannelLabel, RecordedDevice};
 
 use crate::stream::{ExecutorFollower, StreamError};
 
-/// What was read in one poll.
+/// Data of one poll.
 #[derive(Clone, Debug, Default)]
 pub struct SourceBatch {
     /// A new executor: its incarnation, and the devices of its configuration.
@@ -49,7 +49,7 @@ impl SourceBatch {
     }
 }
 
-/// What is known of an executor.
+/// An executor, and the devices of its configuration.
 #[derive(Clone, Debug)]
 pub struct ExecutorFacts {
     /// The cell.
@@ -69,7 +69,7 @@ struct DeviceBoard {
     sequence: u64,
 }
 
-/// What is open while an executor lives.
+/// Session and boards that are open while an executor lives.
 struct Attached {
     // Boards are closed before the session through which they were opened.
     status: BoardReader<CycleStatus>,

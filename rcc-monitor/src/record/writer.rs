@@ -27,7 +27,7 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// Longest wait for a batch.
 const WAIT_MAX: Duration = Duration::from_millis(200);
 
-/// What is written.
+/// Options of the writer.
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
     /// Selected nets and ports.
@@ -36,7 +36,7 @@ pub struct WriterOptions {
     pub view_every_ns: u64,
 }
 
-/// What could not be written as it was.
+/// Counts of records and measurements that are missing from the file, or rounded in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct RecordLosses {
     /// Records of monitors that the stream or the queue lost.
@@ -58,9 +58,9 @@ impl RecordLosses {
 /// How writing ended.
 #[derive(Debug)]
 pub struct WrittenRecording {
-    /// What was written.
+    /// Contents of the files.
     pub summary: RecordingSummary,
-    /// What was not.
+    /// Records that are missing.
     pub losses: RecordLosses,
     /// Patterns of ports for which no net had a monitor.
     pub unmatched: Vec<String>,

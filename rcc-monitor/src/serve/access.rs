@@ -13,7 +13,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use rcc_api::token::Token;
 
-/// What a browser may load and do on our pages: nothing of other origins, no inline script, no frame around them.
+/// Content security policy of the pages: nothing of other origins, no inline script, no frame around them.
 const POLICY: &str = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'";
 
 /// Access rules of one server.
@@ -84,7 +84,7 @@ impl IntoResponse for Refusal {
     }
 }
 
-/// What an accepted request gets.
+/// Answer to an accepted request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Admission {
     /// The handler's answer.

@@ -1,5 +1,5 @@
-//! What the drivers themselves tell about their devices: the quality of the last minute, and where an arm is. They write
-//! it to a file once a second. Read by the serving thread.
+//! Diagnosis files of the drivers: quality of the connection in the last minute, and positions of arms. A driver writes
+//! its file once a second. Read by the serving thread.
 
 use rcc_ipc::cell::base_dir;
 use rcc_os::{file, wall};

@@ -1,4 +1,4 @@
-//! What all viewers share: updates on their way to the pages, the newest state for pages that have just been opened, and
+//! Shared by all viewers: updates on their way to the pages, the newest state for pages that have just been opened, and
 //! the ports that pages want to see. Used by the serving thread and by the thread that reads records.
 //!
 //! Updates are kept in one bounded ring for all viewers: a page that reads too slowly, or whose browser was suspended,
@@ -31,7 +31,7 @@ pub enum Update {
     Values(Arc<Vec<Column>>),
 }
 
-/// What a page wants to see.
+/// Ports that a page subscribes to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Watch {
     /// `net/primitive.port` or `net#id/primitive.port`; `*` and `?` as wildcards.

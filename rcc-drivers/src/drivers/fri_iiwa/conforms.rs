@@ -138,7 +138,7 @@ impl Peer for Controller {
             if let Some(answer) = taken.ok().filter(|answer| self.takes(answer)) {
                 self.answered = answer.header.and_then(|header| header.sequence);
             }
-            // What is not taken is counted by the cabinet.
+            // The result is ignored: the cabinet counts the messages that it refuses.
             let _ = self.cabinet.receive(&bytes[..size], 1e-4);
         }
     }

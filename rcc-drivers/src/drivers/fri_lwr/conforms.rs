@@ -89,7 +89,7 @@ impl Peer for Controller {
             if let Some(answer) = taken.ok().filter(|answer| self.takes(answer)) {
                 self.answered = Some(answer.send_sequence);
             }
-            // What the suite sends to be refused is judged by what follows.
+            // The result is ignored: the suite also sends datagrams that must be refused, and checks their effect.
             let _ = self.krc.receive(&bytes[..size], 1e-4);
         }
     }

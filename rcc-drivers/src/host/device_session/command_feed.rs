@@ -1,5 +1,5 @@
-//! What the executor commands this device: its set-points, whether it is alive, and which nets have been looked at.
-//! Pure; run by the host's thread.
+//! Commands of the executor for this device: the buffered set-points, whether the command board is fresh, and which
+//! nets are refused. An image older than `command_timeout` is stale and ends playback. Pure; run by the host's thread.
 
 use rcc_core::message::{CommandImage, SetPoint};
 

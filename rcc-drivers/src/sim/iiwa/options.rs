@@ -37,7 +37,7 @@ pub struct Options {
     /// application's, FRI does not command them
     #[arg(long, value_enum, default_value = "position")]
     pub law: ControlLaw,
-    /// What the overlay lets the client command: wrench needs --law=cartesian-impedance, torque --law=joint-impedance,
+    /// Quantity that the client commands: wrench needs --law=cartesian-impedance, torque --law=joint-impedance,
     /// cartesian-pose version 2.5 or 2.7
     #[arg(long, value_enum, default_value = "position")]
     pub overlay: OverlayMode,

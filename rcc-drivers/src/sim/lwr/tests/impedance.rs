@@ -81,7 +81,7 @@ const SUBSETS: [(ControlLaw, u32); 8] = [
 fn a_subset_of_the_flags_is_taken_and_the_rest_is_the_controllers_own() {
     for (strategy, subset) in SUBSETS {
         let mut pc = Pc::new(settings(strategy));
-        // What is not selected is not read, whatever it is.
+        // Fields that the flags do not select are not read: NaN there is accepted.
         let unread = |answer: &mut CommandDatagram| {
             answer.flags = subset;
             let unselected = |flag: u32| subset & flag == 0;
