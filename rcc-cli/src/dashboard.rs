@@ -13,7 +13,7 @@ use rcc_process::signals::PARENT;
 use crate::failure::Failure;
 use crate::supervisor::paths;
 
-/// What `rcc-monitor serve` is told.
+/// Options that are passed to `rcc-monitor serve`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, clap::Args)]
 pub struct DashboardArguments {
     /// TCP port on 127.0.0.1; 0 takes any free one [default: 7426, or any free one if it is in use]

@@ -61,7 +61,7 @@ pub fn read_net(path: &str) -> Result<(String, String), Failure> {
 /// Longest text of a net, bytes; the loader refuses longer texts as well.
 pub const TEXT_MAX: u64 = rcc_api::routes::TEXT_MAX as u64;
 
-/// What to do with a command that the loader rejects.
+/// Treatment of a command that the loader rejects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnRejection {
     /// Keep it, so that STATE shows the reason.

@@ -79,7 +79,7 @@ pub fn text<T: serde::Serialize>(body: &T) -> Result<String, Failure> {
         .map_err(|error| Failure::new(codes::BAD_REQUEST, error.to_string(), "use UTF-8 names"))
 }
 
-/// What has been shown of rules.
+/// The state of each rule, by id, that was shown last.
 #[derive(Debug, Default)]
 pub struct ShownRules {
     states: BTreeMap<u64, String>,

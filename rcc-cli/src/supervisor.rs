@@ -56,7 +56,7 @@ pub struct SupervisorEvent {
     pub at: Duration,
     /// Process or device.
     pub who: String,
-    /// What happened to it.
+    /// The change, in words.
     pub what: String,
 }
 

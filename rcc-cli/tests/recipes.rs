@@ -36,7 +36,7 @@ fn nets() -> Vec<(String, String)> {
 #[test]
 fn every_recipe_does_what_the_page_says() {
     let folder = rcc_testing::folder();
-    // What happens to each net, and how it ends; the others run until they are canceled.
+    // Events of each net, and its end; the others run until they are canceled.
     let scripts: &[(&str, &[&str], &str)] = &[
         ("pick-and-place", &[], "finished"),
         ("sine", &[], "finished"),

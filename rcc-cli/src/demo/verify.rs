@@ -19,7 +19,7 @@ const ROUNDING_M: f64 = 2.3e-16;
 /// One check and its result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionCheck {
-    /// What is checked.
+    /// The checked quantity, in words.
     pub what: String,
     /// Expected value.
     pub expected: String,

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::facts::cells::{self, CellFacts, StrayMemory};
 
-/// What was removed and what was not.
+/// Removed items, and items that could not be removed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Cleaned {
     /// Removed items, one line each.

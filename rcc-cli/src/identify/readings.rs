@@ -26,7 +26,7 @@ pub enum ReadingsError {
     Form {
         /// Number of the line, counted from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Cause, as a message.
         cause: String,
     },
     /// No value, or more than one, can be the wrench or the pose.

@@ -85,7 +85,7 @@ pub enum ScriptError {
     Value {
         /// The argument as given.
         text: String,
-        /// What is wrong with the value.
+        /// Why the value is refused, as a message.
         cause: String,
     },
 }

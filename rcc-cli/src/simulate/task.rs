@@ -41,7 +41,7 @@ pub enum TaskEvent {
 /// Result of a simulated task.
 #[derive(Debug)]
 pub struct TaskResult {
-    /// What happened, with the logical time since START, s.
+    /// Events, each with its logical time since START, s.
     pub events: Vec<(f64, TaskEvent)>,
     /// Duration, s.
     pub time_s: f64,
@@ -107,7 +107,7 @@ pub fn run(
         events.extend(seen.map(|event| (time_s, event)));
         let next_ns = past_ns + config.period_ns;
         let active = (1..=count).any(|id| is_active(&cell, id));
-        // What has ended in this cycle may be followed by something in the next one.
+        // A command that ended in this cycle may make a rule fire in the next one.
         let quiet = events.last().is_none_or(|(at_s, _)| *at_s < time_s);
         if !active && quiet || next_ns >= options.limit_ns {
             let unfinished = active;

@@ -1,5 +1,5 @@
-//! What can be said about a task before it runs: what starts each net, when each rule can fire, and which rules want the
-//! same net. Pure.
+//! Analysis of a task before it runs: how each net is started, when each rule can fire, and which rules compete for a
+//! net. Pure.
 
 use rcc_api::bodies::{CommandList, CommandRef, RuleBody};
 use rcc_language::condition::{self, ConditionTerm};
@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::TaskFile;
 
-/// What is said about a rule.
+/// Result of the analysis for one rule.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RuleExplanation {
     /// Its name.
@@ -16,13 +16,13 @@ pub struct RuleExplanation {
     pub when: String,
     /// When it can fire.
     pub fires: String,
-    /// What follows.
+    /// Consequences: the commands that it stops, cancels and starts.
     pub then: String,
     /// Notes: why it can never fire, or with which rules it competes.
     pub notes: Vec<String>,
 }
 
-/// What is said about a task.
+/// Result of the analysis of a task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TaskExplanation {
     /// Its name.

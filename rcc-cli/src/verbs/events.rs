@@ -54,9 +54,9 @@ pub struct Arguments {
 enum SeverityArgument {
     /// Everything
     Info,
-    /// What the cell coped with, and errors
+    /// Errors, and disturbances that the cell handled itself
     Warning,
-    /// What was lost, or ended because of it
+    /// Losses of processes and devices, and nets that ended because of them
     Error,
 }
 

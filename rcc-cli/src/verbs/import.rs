@@ -93,7 +93,7 @@ pub fn plot_recording(file: &Path, out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is in a file.
+/// Tables of a recording.
 struct Contents {
     rows: Vec<ImportedTable>,
     /// Names and units of the columns of the result.

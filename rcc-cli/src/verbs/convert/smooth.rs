@@ -33,7 +33,7 @@ pub(super) fn cutoff(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("invalid cutoff `{text}`: write a frequency from 0.1 Hz to 100 Hz"))
 }
 
-/// What was inserted.
+/// Filters and delays that were inserted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Smoothed {
     /// Number of filters.

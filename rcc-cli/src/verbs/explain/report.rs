@@ -157,7 +157,7 @@ pub struct Consequence {
     pub input: String,
     /// Why it can be null.
     pub why: String,
-    /// What its primitive does then.
+    /// Behaviour of its primitive while it is null.
     pub then: String,
 }
 

@@ -106,7 +106,7 @@ pub struct IncidentRecording<'a> {
     failed: Option<RecordingError>,
 }
 
-/// What is written of an incident.
+/// The selected part of an incident.
 pub struct RecordedPart<'a> {
     /// The nets by id.
     pub nets: &'a BTreeMap<u64, IncidentNet>,

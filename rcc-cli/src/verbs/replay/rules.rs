@@ -1,4 +1,4 @@
-//! What a replay says about rules. Pure; main thread.
+//! Report of a replay about rules. Pure; main thread.
 
 use rcc_api::codes;
 use rcc_core::counted::Counted;

@@ -18,7 +18,7 @@ const REQUEST_INTERVAL: Duration = Duration::from_millis(100);
 /// Maximum number of values of an answer.
 const LIMIT: usize = 10_000;
 
-/// What is printed, and for how long.
+/// Values to print, and for how long.
 pub(super) struct RemoteTail<'a> {
     pub patterns: &'a [String],
     pub count: Option<u64>,
