@@ -95,14 +95,14 @@ struct CellGuard {
 impl Drop for CellGuard {
     fn drop(&mut self) {
         remove(&self.cell);
-        // What cannot be removed stays in the temporary folder.
+        // An error is ignored: the rest stays in the temporary folder.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
 
 /// Removes what a cell without processes has left in shared memory.
 pub fn remove(cell: &Cell) {
-    // What cannot be removed stays in temporary folders; nothing else can be done about it here.
+    // Errors are ignored: the rest stays in temporary folders; nothing else can be done about it here.
     for path in cell.leftovers().unwrap_or_default() {
         let _ = fs::remove_file(path);
     }

@@ -1,4 +1,4 @@
-//! What the executor feels of ten open dashboards: its cycles without and with them, in one run, on a net of two moving
+//! Effect of ten open dashboards on the executor: its cycles without and with them, in one run, on a net of two moving
 //! values in the demo's cell. Run by a person: `cargo run --release -p rcc-tests --example viewers -- --seconds 30`.
 
 use std::time::{Duration, Instant};

@@ -25,7 +25,7 @@ primitives:
   watch:  {type: Monitor, parameters: {rate: 10 Hz}, inputs: {value: speed.value}}
 ";
 
-/// What is measured.
+/// Rates and durations of the measurement.
 #[derive(Clone, Debug)]
 pub struct MeasurementPlan {
     /// Rates of the channel, Hz.

@@ -1,5 +1,6 @@
-//! What is kept of a cell: event log, incidents and logs are found after its end and after a restart of the machine, the
-//! oldest go first, and the configuration chooses the folder. Each test has a cell and a state folder of its own.
+//! The state folder of a cell: event log, incidents and logs are found after its end and after a restart of the
+//! machine, the oldest go first, and the configuration chooses the folder. Each test has a cell and a state folder of
+//! its own.
 
 use std::fs;
 use std::io::{BufRead, BufReader};

@@ -175,7 +175,7 @@ fn metrics_agree_with_the_loader() {
             "{device}"
         );
     }
-    // What a person acknowledges stays counted.
+    // Acknowledged late cycles stay in the counters.
     cell.rest("POST", "/status/acknowledge", "");
     let (wakeups, executions) = (
         "rcc_cycle_wakeup_seconds_count",

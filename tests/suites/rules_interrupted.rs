@@ -15,7 +15,7 @@ enum Phase {
     Running,
     /// The rule has just fired.
     Fired,
-    /// What it started has moved the arm for a while.
+    /// The net that it started has moved the arm for a while.
     Moving,
 }
 

@@ -77,7 +77,7 @@ fn apply_step(
         5 => answer.krl.reals[bytes.int_in_range(0..=15)?] = real(bytes)? as f32,
         6 => {
             let length = bytes.int_in_range(0..=400)?;
-            // What is not taken is part of what is tried.
+            // The result is ignored: datagrams that the controller refuses are inputs of this target too.
             let _ = krc.receive(bytes.bytes(length.min(bytes.len()))?, 1e-4);
         }
         7 => drop(krc.tick(bytes.int_in_range(1..=2000)?)),

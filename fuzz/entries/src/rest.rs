@@ -38,7 +38,7 @@ const ANSWER_MAX: usize = 16 << 20;
 /// Number of inputs after which the files of old commands are removed.
 const MAINTAIN_EVERY: u32 = 5_000;
 
-/// What the fake executor shows on its boards and answers next.
+/// State of the fake executor: contents of its boards, and its next answers.
 struct FakeExecutorState {
     tables: Box<Tables>,
     status: CycleStatus,
@@ -129,7 +129,7 @@ pub fn tear_down() {
 
 fn remove_cell(folder: &Path) {
     if let Ok(cell) = Cell::at("fuzz", folder) {
-        // What cannot be removed now is removed by the next run.
+        // An error is ignored: the next run removes the rest.
         let _ = rcc_ipc::clean::remove_cell(&cell);
     }
     let _ = std::fs::remove_dir_all(folder);

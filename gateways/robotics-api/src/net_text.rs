@@ -1,5 +1,5 @@
-//! What the gateway does to the text of a net before it is loaded: a head with its name and the names of its devices,
-//! and an input that ends it. Also finds its communication keys. Pure functions.
+//! Prepares the text of a net before it is loaded: adds a head with its name and the names of its devices, and an input
+//! that ends it. Also finds its communication keys. Pure functions.
 
 use std::collections::{BTreeMap, BTreeSet};
 

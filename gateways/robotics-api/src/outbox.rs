@@ -1,5 +1,5 @@
-//! What is to be sent to a client: a bounded queue that never blocks whoever fills it. Filled by the engine and by the
-//! thread that reads the connection; emptied by the thread that writes it.
+//! Queue of the messages to a client: bounded, and never blocks its senders. Filled by the engine and by the thread
+//! that reads the connection; emptied by the thread that writes it.
 
 use std::net::{Shutdown, TcpStream};
 use std::sync::Arc;

@@ -75,7 +75,7 @@ pub enum OwnCellError {
     Geometry {
         /// The device.
         device: String,
-        /// What `rcc-cli robot import` says.
+        /// Message of `rcc-cli robot import`.
         cause: String,
     },
 }

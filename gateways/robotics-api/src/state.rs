@@ -1,5 +1,5 @@
-//! What the gateway knows: sessions, nets, rules, devices, and who subscribed to them. Locked for short times by the
-//! engine and by the threads of connections; nothing in here waits.
+//! State of the gateway: sessions, nets, rules, devices, and their subscribers. Locked for short times by the engine
+//! and by the threads of connections; nothing in here waits.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

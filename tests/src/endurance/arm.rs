@@ -26,7 +26,7 @@ struct Arm<'a> {
     random: Random,
 }
 
-/// What the test does to a motion.
+/// The way in which the test ends a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PlannedOutcome {
     Finish,

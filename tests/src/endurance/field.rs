@@ -103,13 +103,13 @@ pub fn count(counter: &AtomicU64) {
 pub struct Field<'a> {
     /// The cell.
     pub place: &'a CellFixture,
-    /// What was asked for.
+    /// Options of the run.
     pub options: Options,
     /// Process id of the executor.
     executor: AtomicU32,
     /// Since when.
     pub begun: Instant,
-    /// What happens.
+    /// Log of the events.
     pub journal: Arc<Journal>,
     /// How often.
     pub counts: Counts,

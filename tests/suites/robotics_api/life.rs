@@ -161,7 +161,7 @@ fn floods_do_not_delay_others(gateway: &GatewayFixture) {
     for evaluation in evaluations {
         assert_eq!(evaluation.join().expect("an evaluation"), 5);
     }
-    // What is no frame ends a connection, and only that one.
+    // Bytes that are not a valid frame end their connection, and only that one.
     for bytes in [
         &b"\xff\xff\xff\xff"[..],
         b"\x81\x7f\x7f\xff\xff\xff\xff\xff\xff\xff",

@@ -12,7 +12,7 @@ pub fn urdf(table: &DhTable, joints: &[JointSpec]) -> String {
     let mut text =
         String::from("<?xml version=\"1.0\"?>\n<robot name=\"arm\">\n  <link name=\"base\"/>\n");
     let columns = table.d.iter().zip(&table.a).zip(&table.t).zip(&table.al);
-    // What lies behind the joint before.
+    // Fixed transform from the previous joint to the next one: x and z, m, and the rotation about x, rad.
     let (mut xyz, mut roll) = ([0.0, 0.0], 0.0);
     let mut parent = "base".to_owned();
     for (number, ((((d, a), t), al), joint)) in (1..).zip(columns.zip(joints)) {
