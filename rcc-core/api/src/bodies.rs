@@ -468,7 +468,7 @@ pub struct LateView {
 /// Answer to an acknowledgement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Acknowledged {
-    /// Executor cycle from which everything is counted anew.
+    /// Executor cycle from which worst values and histograms begin again.
     pub cycle: u64,
     /// Number of late cycles that were acknowledged.
     pub late: u64,

@@ -82,7 +82,7 @@ class CommandView(TypedDict):
 class Acknowledged(TypedDict):
     """Answer to an acknowledgement."""
     cycle: int
-    """Executor cycle from which everything is counted anew."""
+    """Executor cycle from which worst values and histograms begin again."""
     late: int
     """Number of late cycles that were acknowledged."""
 
@@ -506,7 +506,7 @@ class LateView(TypedDict):
 
 
 class LeaseBody(TypedDict):
-    """A lease is asked for."""
+    """Request for a lease."""
     expires_ms: int
     """Time after which it expires unless it is renewed, ms; 50 to 3 600 000."""
 

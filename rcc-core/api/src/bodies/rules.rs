@@ -43,7 +43,7 @@ pub enum OnClientLoss {
     #[default]
     #[serde(rename = "cancel")]
     Cancel,
-    /// It stays.
+    /// The rule stays armed, and the command goes on.
     #[serde(rename = "go on")]
     GoOn,
 }
@@ -191,7 +191,7 @@ pub struct RuleView {
     pub words: Option<String>,
 }
 
-/// A lease is asked for.
+/// Request for a lease.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LeaseBody {
