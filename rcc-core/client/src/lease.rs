@@ -62,7 +62,7 @@ impl Lease {
         self.lost.load(Ordering::Relaxed)
     }
 
-    /// Notes that the cell has forgotten it, as a refused START tells before the next renewal does.
+    /// Marks the lease as lost: a refused START may report that before the next renewal does.
     pub fn set_lost(&self) {
         self.lost.store(true, Ordering::Relaxed);
     }

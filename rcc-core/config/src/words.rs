@@ -1,4 +1,4 @@
-//! English of messages: articles agree with their nouns. Never real-time.
+//! Articles of nouns in messages: `a` or `an`. Never real-time.
 
 use std::fmt::Display;
 

@@ -1,5 +1,5 @@
-//! Conditions of rules: three-valued logic over sets of values that are possible now and later. Pure functions of
-//! constant bounds, used by the real-time thread, by replay, and by whoever checks a rule before it is installed.
+//! Conditions of rules: three-valued logic over sets of values that are possible now and later. Pure functions with
+//! constant bounds, used by the real-time thread, by replay, and by programs that check a rule before it is installed.
 
 use rcc_core::message::{CommandState, EndReason};
 use rcc_core::types::NULL_BOOL;

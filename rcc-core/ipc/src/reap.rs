@@ -193,7 +193,7 @@ fn service_id(text: &str) -> Option<u128> {
 }
 
 /// Returns true for a description without an id that is old enough: its creator died while writing it. A date in the
-/// future comes from a clock that was set, or is wrong; that is no reason to keep the file forever.
+/// future, after the clock was changed, counts as old; otherwise the file would stay forever.
 fn is_unfinished(path: &Path) -> bool {
     let modified = fs::symlink_metadata(path).and_then(|found| found.modified());
     modified.is_ok_and(|modified| wall::age(modified).is_none_or(|age| age >= UNFINISHED_AFTER))

@@ -75,7 +75,7 @@ impl WakeSender {
     }
 }
 
-/// Returns the process instance that bound the socket with this file name, or `None` if it is none.
+/// Returns the process instance that bound the socket with this file name, or `None` for any other file name.
 pub(crate) fn owner_of(file_name: &str) -> Option<ProcessInstance> {
     spill_file::owner_after(PREFIX, file_name)
 }

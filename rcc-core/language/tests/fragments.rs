@@ -228,7 +228,7 @@ primitives:
 
 #[test]
 fn loops_are_checked_on_the_expanded_net() {
-    // Each output depends on one of the inputs, so the apparent cycle of instances is none.
+    // Each output depends on one of the inputs, so the instances form a cycle, but their primitives do not.
     let text = |second: &str| {
         format!(
             "net: no-loop

@@ -1,6 +1,6 @@
-//! The leg after a leg that `until` ended early: a straight line, of the joints or of the flange, from where the arm came
-//! to rest to the goal that was planned. What the cycle needs for it is computed when the motion is built; the line
-//! itself is made by the real-time thread, without allocation and in a bounded number of steps.
+//! The leg after a leg that `until` ended early: a straight line, of the joints or of the flange, from the arm's point
+//! of rest to the planned goal. Its limits are computed when the motion is built; the real-time thread builds the line
+//! itself, without allocation and in a bounded number of steps.
 //!
 //! A line of joints keeps its limits whatever its start is: each joint moves in proportion, within its range. For a line
 //! of the flange the limits are computed from places along the leg before, close enough to each other that between two
@@ -22,11 +22,11 @@ use crate::planned_path::{
     metric,
 };
 
-/// Intervals into which the leg before is divided at first.
+/// Number of intervals into which the previous leg is divided at first.
 const INTERVALS: usize = 16;
-/// How often an interval may be halved.
+/// Maximum number of times that an interval is halved.
 const HALVINGS_MAX: u32 = 4;
-/// Neighbours whose limits differ by more than this factor get a place between them.
+/// Two places whose limits differ by more than this factor get another place between them.
 const APART: f64 = 1.2;
 /// Part of the limits of joints that is used between two places.
 const SHARE: f64 = 0.9;

@@ -42,7 +42,7 @@ pub enum AfterUntilFault {
         /// Fraction of the given speed that is possible.
         possible: f64,
     },
-    /// The line to the goal ends with other joints than planned, or is no line.
+    /// The line to the goal ends at joints other than the planned ones, or cannot be built.
     Other,
 }
 

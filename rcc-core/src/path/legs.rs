@@ -29,7 +29,7 @@ impl MotionLimits {
         jerk: f64::INFINITY,
     };
 
-    /// Creates limits from velocity, acceleration and jerk; null (NaN) is no limit.
+    /// Creates limits from velocity, acceleration and jerk; null (NaN) means unlimited.
     #[must_use]
     pub fn of(values: [f64; 3]) -> MotionLimits {
         let [velocity, acceleration, jerk] =

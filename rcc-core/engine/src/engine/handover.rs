@@ -244,7 +244,7 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(evaluation)
     }
 
-    /// Tells the net in `row` where its arms are: in the motion that a command in `leave` leaves, or at rest.
+    /// Sets the motion that each arm of the net in `row` starts with: that of a command in `leave`, or rest.
     pub(super) fn begin_from(&mut self, row: RowIndex, leave: RowSet) {
         for index in 0..self.devices.len() {
             if !self.commands[row].claims_arm(index) {

@@ -1,5 +1,5 @@
-//! Nets that are not evaluated in every cycle: when they are due, what holds in between, and the effect of START and
-//! ABORT. Real-time thread.
+//! Nets with a lower rate than the cycle's: the cycles in which they are evaluated, their outputs in between, and the
+//! effect of START and ABORT. Real-time thread.
 //!
 //! A net is evaluated in the cycles with `cycle % every == phase`. In between its outputs stay as commanded, no monitor
 //! is due, and a lost device ends it at once. START is answered in the first evaluation, CANCEL is seen by the next

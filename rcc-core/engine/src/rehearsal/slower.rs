@@ -9,11 +9,11 @@ use super::arm_monitor::{abrupt_speed, smooth_speed};
 use super::{RehearsalScene, VirtualDevices};
 use crate::net::Net;
 
-/// Lower speeds are no remedy.
+/// Lowest speed factor that is proposed as a remedy.
 const SPEED_MIN: f64 = 0.05;
 /// Most speeds that are tried.
 const TRIALS_MAX: usize = 3;
-/// Cycles fall on other positions of the path at another speed.
+/// Factor on each computed speed: at another speed, the cycles sample other positions of the path.
 const MARGIN: f64 = 0.98;
 
 /// Adds the effect of going slower to a violation; `peaks` are those of the rehearsal that found it.

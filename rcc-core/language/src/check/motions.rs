@@ -215,7 +215,8 @@ pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>
     }
 }
 
-/// Requires that no command is the constant null: null is no set-point, so the device would never be commanded.
+/// Requires that no command is the constant null: the device would never be commanded. Values that are null in every
+/// cycle for another reason are refused by `nulls::commands_can_become_known`.
 pub fn commands_are_not_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {

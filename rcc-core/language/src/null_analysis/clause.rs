@@ -61,7 +61,7 @@ type Range = [f64; 2];
 
 const ANY: Range = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// Returns the truth of a comparison between ports and numbers; `None` if the clause is none.
+/// Returns the truth of a comparison between ports and numbers; `None` if the clause is not a comparison.
 fn comparison(
     graph: &NetGraph<'_>,
     item: &ResolvedPrimitive<'_>,
