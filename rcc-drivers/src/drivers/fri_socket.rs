@@ -1,5 +1,5 @@
-//! The UDP socket of a robot that sends first: which robot is answered, and what tells a stall from a silence.
-//! Run by the host's thread.
+//! The UDP socket of a robot that sends first: selects the robot that is answered, and distinguishes a stall of this
+//! process from silence of the robot. Run by the host's thread.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};

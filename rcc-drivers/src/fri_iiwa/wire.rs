@@ -337,7 +337,7 @@ pub fn encode<M: FriMessage>(version: Version, message: &M) -> Result<Vec<u8>, W
     }
 }
 
-/// Reads a datagram. Numbers may be NaN or infinite, and enumerations unknown: whoever uses them looks.
+/// Reads a datagram. Numbers may be NaN or infinite, and values of enumerations unknown: the caller checks them.
 ///
 /// # Errors
 /// Returns why it is not the expected message of this version.

@@ -417,7 +417,7 @@ impl<C: Controller> ClockThread<C> {
         }
     }
 
-    /// Lets the controller judge a datagram; the log tells the 1st, 2nd, 4th, 8th … refusal.
+    /// Passes a datagram to the controller; the 1st, 2nd, 4th, 8th … refusal is logged.
     fn hand_over(&mut self, datagram: &[u8], delay_s: f64) {
         if let Err(refusal) = self.controller.receive(datagram, delay_s) {
             self.not_taken += 1;

@@ -183,7 +183,7 @@ impl OverlayEncoder {
     }
 }
 
-/// Reads x, y, z (mm) and w, x, y, z; `None` if that is no pose.
+/// Reads x, y, z (mm) and w, x, y, z; `None` if the values do not form a pose.
 fn pose(wire: &Transformation) -> Option<Pose> {
     let [x, y, z, w, i, j, k] = <[f64; 7]>::try_from(wire.element.as_slice()).ok()?;
     let length = (w * w + i * i + j * j + k * k).sqrt();

@@ -69,8 +69,8 @@ impl IiwaSession {
     /// A session without any message yet.
     ///
     /// # Errors
-    /// Returns an error if the device's robot does not have 7 joints, or for a channel that is no input or output of a
-    /// station.
+    /// Returns an error if the device's robot does not have 7 joints, or for a channel that is neither an input nor an
+    /// output of a station.
     pub fn new(device: &DeviceConfig, settings: SessionSettings) -> Result<Self, DriverError> {
         if device.robot.as_ref().map(|robot| robot.joints.len()) != Some(JOINTS) {
             return Err(DriverError::Robot {

@@ -34,8 +34,8 @@ impl StationIo {
     /// Reads the addresses of all channels.
     ///
     /// # Errors
-    /// Returns an error for an address that is no name, or that stands twice, and for more channels than a message has
-    /// places.
+    /// Returns an error for an address that is not a name, for an address that occurs twice, and for more channels than
+    /// fit into a message.
     pub fn new(device: &DeviceConfig, supported: bool) -> Result<Self, DriverError> {
         let mut rows: Vec<Row> = Vec::new();
         for kind in [DigitalInput, DigitalOutput, AnalogInput, AnalogOutput] {

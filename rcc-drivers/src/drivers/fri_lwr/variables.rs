@@ -77,7 +77,7 @@ impl Variable {
 /// Returns the channels of one kind, in the order of the file.
 ///
 /// # Errors
-/// Returns an error for an address that is no variable of this kind, or that another channel of this kind has.
+/// Returns an error for an address that is not a variable of this kind, or that another channel of this kind has.
 pub fn krl_channels(
     device: &DeviceConfig,
     kind: ChannelKind,

@@ -167,7 +167,7 @@ pub enum WaitReason {
     Synchronising,
 }
 
-/// Why an answer is not taken. It is never answered itself.
+/// Why an answer of the client is refused; the cabinet sends nothing in reply.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum AnswerRefusal {
     /// The bytes are not a command message of this version.

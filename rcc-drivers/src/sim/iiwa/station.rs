@@ -155,7 +155,7 @@ impl Station {
     /// Checks what a client writes.
     ///
     /// # Errors
-    /// Returns the first that is no output of this station with this type and a value.
+    /// Returns the first entry that does not name an output of this station, has another type, or has no value.
     pub fn check(&self, written: &[IoValue]) -> Result<(), AnswerRefusal> {
         let first = written.iter().find(|io| self.place(io).is_none());
         match first {

@@ -21,7 +21,7 @@ pub struct CabinetCounts {
     pub missed: u64,
     /// Longest run of missed answers while commands are executed.
     pub missed_in_a_row_max: u32,
-    /// Answers not taken, for any of the reasons that follow.
+    /// Answers refused, for any of the reasons that follow.
     pub refused: u64,
     /// Answers that do not reflect the last message.
     pub late: u64,
@@ -37,13 +37,13 @@ pub struct CabinetCounts {
     pub wrong_checksum: u64,
     /// Messages with another identity.
     pub wrong_identity: u64,
-    /// Other bytes that are no command message, or one without a required field.
+    /// Other bytes that are not a command message, and command messages without a required field.
     pub malformed: u64,
     /// Messages with fields that the version does not have.
     pub not_of_version: u64,
     /// Answers with values that are not finite, before commands are executed.
     pub not_finite: u64,
-    /// Answers that write what is no output of the station.
+    /// Answers that write a signal which is not an output of the station.
     pub wrong_io: u64,
     /// Datagrams from another address than the client's.
     pub foreign: u64,

@@ -216,10 +216,10 @@ pub enum MonitorReason {
     Closing,
 }
 
-/// Why an answer is not taken. It is never answered itself.
+/// Why an answer of the PC is refused; the controller sends nothing in reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum DatagramRefusal {
-    /// The bytes are no command datagram of FRI 1.0.
+    /// The bytes are not a command datagram of FRI 1.0.
     #[error(transparent)]
     Wire(#[from] WireError),
     /// It does not reflect the last datagram.

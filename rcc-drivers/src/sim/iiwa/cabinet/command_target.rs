@@ -60,7 +60,7 @@ impl Cabinet {
     /// Returns the joint set-point of a command, rad.
     ///
     /// # Errors
-    /// Returns a fault for a missing position, and for a pose that is no pose or that cannot be reached.
+    /// Returns a fault for a missing position, and for a pose that is invalid or that cannot be reached.
     pub(super) fn target(&self, command: &Command) -> Result<Joints, CabinetFault> {
         let data = data(command);
         if self.settings.overlay != OverlayMode::CartesianPose {

@@ -59,7 +59,7 @@ impl Krc {
     /// Returns the joint set-point of a command, rad.
     ///
     /// # Errors
-    /// Returns a fault for a pose that is no pose, that does not match the joint positions, or that cannot be reached.
+    /// Returns a fault for a pose that is invalid, that does not match the joint positions, or that cannot be reached.
     pub(super) fn target(&self, command: &CommandDatagram) -> Result<Joints, KrcFault> {
         let selected = |flag| command.flags & flag != 0;
         let joints = command.joint_position.map(f64::from);
