@@ -1,5 +1,6 @@
-//! Answers that last as long as their client wishes: a worker thread makes pieces, the serving thread passes them on. The
-//! pieces that a client has not taken are bounded; beyond, further ones are refused, and their maker counts them.
+//! Streamed answers, which last until the client ends them: a worker thread produces pieces, the serving thread sends
+//! them. Number and size of the pieces that a client has not received are bounded; further ones are refused, and the
+//! worker counts them.
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -19,7 +20,7 @@ pub const PIECES_MAX: usize = 64;
 /// Maximum size of the pieces that a client has not taken, bytes.
 pub const BYTES_MAX: usize = 256 << 10;
 
-/// The maker's end; the answer ends when it is dropped.
+/// The worker's end; the answer ends when it is dropped.
 #[derive(Debug)]
 pub struct LiveSender {
     pieces: mpsc::Sender<Piece>,

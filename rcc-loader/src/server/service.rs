@@ -299,7 +299,7 @@ impl Service {
         self.carry_out(caller, name, operation, &mut |_| ())
     }
 
-    /// As [`Service::operate`]; `done` is told the end of each step.
+    /// As [`Service::operate`]; `done` is called at the end of each step, with its name.
     pub(super) fn carry_out(
         &self,
         caller: &Caller,

@@ -1,12 +1,12 @@
-//! Shares of something limited, such as places for loads or memory for texts: no peer takes all of it, and a part is
-//! left for peers that use little. Used by the serving thread and, when they end, by blocking threads.
+//! Quotas of a limited resource, such as concurrent loads or memory for texts: no peer can use all of it, and a reserve
+//! is kept for peers that use little. Used by the serving thread and, when shares end, by blocking threads.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::peer::ClientPeer;
 
-/// How much there is, and how much of it one peer may use.
+/// Limits of a resource: in total, per peer, and the reserve; in pieces or bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShareLimits {
     /// All together, without the reserve.

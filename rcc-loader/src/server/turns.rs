@@ -1,5 +1,5 @@
-//! Turns at work of which few pieces are done at a time, such as compiling. Peers take turns in rotation: one that sends
-//! many pieces waits for its own, and hardly delays others. Used by the serving thread.
+//! Fair queue for work of which few pieces run at a time, such as compiling: peers are served in rotation, so that a
+//! peer with many pieces hardly delays the others. Used by the serving thread.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,24 +8,24 @@ use tokio::sync::oneshot;
 
 use super::peer::ClientPeer;
 
-/// The turns at one kind of work.
+/// The queue of one kind of work.
 #[derive(Debug)]
 pub(super) struct Turns(Mutex<Rotation>);
 
 #[derive(Debug)]
 struct Rotation {
-    /// Number of turns that nobody has.
+    /// Number of pieces that may start now.
     free: usize,
     /// Peers that wait, in the order of their next turns, each with its pieces in the order of arrival.
     peers: VecDeque<(ClientPeer, VecDeque<oneshot::Sender<Turn>>)>,
 }
 
-/// The right to work, until it is dropped.
+/// Permit for one piece of work; when it is dropped, the next piece may start.
 #[derive(Debug)]
 pub(super) struct Turn(Arc<Turns>);
 
 impl Turns {
-    /// Creates turns for this many pieces at a time.
+    /// Creates a queue for this many pieces at a time.
     pub fn new(at_a_time: usize) -> Arc<Turns> {
         Arc::new(Turns(Mutex::new(Rotation {
             free: at_a_time,

@@ -108,7 +108,7 @@ impl Service {
     /// Returns at most `limit` events: those after the position `after`, or without it the newest.
     ///
     /// # Errors
-    /// Returns an error if `after` is no position, or if the log cannot be read.
+    /// Returns an error if `after` is not a position, or if the log cannot be read.
     pub fn events(&self, after: Option<&str>, limit: Option<usize>) -> Result<EventPage, ApiError> {
         let incarnation = hex_digits(self.own.incarnation);
         let after = after.map(|text| EventPosition::parse(text).ok_or_else(|| no_position(text)));

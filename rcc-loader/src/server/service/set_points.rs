@@ -1,6 +1,7 @@
-//! A set-point channel: lines of input values from one client, of which the executor gets the newest ones. Run by a
-//! worker thread of its own for each channel, with a port of its own to the executor, so that channels delay neither
-//! each other nor other requests.
+//! A set-point channel: lines of input values from one client, of which the executor gets the newest ones. These are
+//! values for the inputs of a net; set-points of arms never pass through the loader. Run by a worker thread of its own
+//! for each channel, with a port of its own to the executor, so that channels delay neither each other nor other
+//! requests.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -232,7 +233,7 @@ impl LineQueue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a line; the oldest one gives way if there are too many.
+    /// Adds a line; a full queue drops its oldest one.
     pub fn push(&self, line: Bytes) {
         let mut state = self.state();
         if state.lines.len() >= LINES_MAX {
@@ -244,14 +245,14 @@ impl LineQueue {
         self.changed.notify_one();
     }
 
-    /// No line follows.
+    /// Closes the queue: no line follows.
     pub fn close(&self) {
         self.state().is_closed = true;
         self.changed.notify_one();
         self.closed.notify_one();
     }
 
-    /// No line follows, for this reason, which the client is told.
+    /// Closes the queue for this reason, which is sent to the client.
     pub fn fail(&self, why: ApiError) {
         self.state().failure = Some(why);
         self.close();
