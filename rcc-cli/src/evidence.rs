@@ -1,5 +1,5 @@
-//! Finds what is kept of a cell – event log, incident files, logs – whether or not the cell is up. Used by the main thread
-//! of verbs that read it.
+//! Finds the state folder of a cell, with event log, incident files and logs, whether or not the cell is up. Used by
+//! the main thread of verbs that read it.
 
 use rcc_ipc::state_folder::{StateFolder, state_base};
 use rcc_ipc::{Cell, CellError};
@@ -9,7 +9,7 @@ use crate::context::{Context, cell_failure};
 use crate::failure::Failure;
 use crate::output::print_note;
 
-/// Where a cell's evidence is.
+/// A cell and its state folder.
 #[derive(Clone, Debug)]
 pub struct Evidence {
     /// The cell, unless it has ended.

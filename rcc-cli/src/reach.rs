@@ -1,5 +1,5 @@
-//! Which cell a verb concerns: `--url` and `--cell` select it, and a verb that cannot serve the given address refuses it.
-//! Pure; run once by the main thread.
+//! Selects the cell of a verb by `--url` or `--cell`; a verb that cannot serve the given address refuses it. Pure; run
+//! once by the main thread.
 
 use clap::ArgMatches;
 use clap::parser::ValueSource;

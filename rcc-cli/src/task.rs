@@ -27,7 +27,7 @@ pub struct TaskNet {
     pub file: String,
 }
 
-/// A task: nets, what starts first, and what follows what.
+/// A task: nets, the commands that start first, and the rules between the nets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TaskFile {
     /// Its name; empty if the file has rules only.

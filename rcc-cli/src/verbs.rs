@@ -110,7 +110,7 @@ verbs! {
         Start = start;
         /// Run a task: nets, the rules between them, and what starts first
         Task = task;
-        /// Install, list or remove rules: what follows what, in the same cycle
+        /// Install, list or remove rules: conditions that stop and start nets in the same cycle
         Rules = rules;
         /// Set or list the inputs of a net
         Set = set;

@@ -258,7 +258,7 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
 
 fn version(facts: &LinkFacts) -> Option<HealthFinding> {
     let fails = |what: String, fix: &str| {
-        // Invalid datagrams beside valid ones are no failure.
+        // Invalid datagrams beside valid ones are a warning only.
         let level = if facts.grown("accepted") > 0 {
             FindingLevel::Warn
         } else {

@@ -90,7 +90,7 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
     if unreadable == 0 {
         return Some(HealthFinding::ok(format!("the datagrams are FRI {wanted}")));
     }
-    // Invalid datagrams beside valid ones are no failure.
+    // Invalid datagrams beside valid ones are a warning only.
     let level = match facts.grown("accepted") {
         0 => FindingLevel::Fail,
         _ => FindingLevel::Warn,

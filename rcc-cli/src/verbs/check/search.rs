@@ -25,7 +25,7 @@ pub enum CheckedKind {
 }
 
 impl CheckedKind {
-    /// Recognises a file by its text; `None` if it is none of these.
+    /// Recognises a file by its text; `None` for any other file.
     pub fn of((name, text): &(String, String)) -> Option<CheckedKind> {
         if rcc_directionet::looks_like(text) {
             return Some(CheckedKind::DirectIoNet);

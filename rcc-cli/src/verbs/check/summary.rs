@@ -64,7 +64,7 @@ impl CheckSummary {
         }
     }
 
-    /// Adds a file that is none of the known kinds.
+    /// Adds a file whose kind is not recognised.
     pub fn of_no_kind(&mut self, file: String) {
         let reason = "no key `net`, `library`, `cell` or `robot`";
         self.not_checked.push((file, reason));

@@ -1,4 +1,5 @@
-//! `simulate TASK`: runs nets and rules in virtual time and prints what follows what. Main thread.
+//! `simulate TASK`: runs nets and rules in virtual time and prints each rule that fires and each net that ends. Main
+//! thread.
 
 use rcc_api::bodies::{CommandList, CommandRef};
 use rcc_api::codes::{self, exit};
