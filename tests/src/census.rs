@@ -30,10 +30,10 @@ pub struct Census {
     pub processes: u64,
 }
 
-/// Growth of resident memory that is no leak: pages of the stacks and of the allocator that are touched for the first
-/// time, and what the allocator keeps of one net (1 MB).
+/// Growth of resident memory without a leak: pages of the stacks and of the allocator that are touched for the first
+/// time, and memory that the allocator keeps of one net (1 MB).
 const RSS_SLACK_KB: u64 = 2048;
-/// Growth of shared memory that is no leak: a process id of one digit more, in the files that name it.
+/// Growth of shared memory without a leak: a process id of one digit more, in the files that name it.
 const BYTES_SLACK: u64 = 1024;
 
 impl Census {

@@ -31,7 +31,7 @@ pub struct PageReply {
 }
 
 impl PageReply {
-    /// The body as JSON; null if it is none.
+    /// The body as JSON; null if it is not JSON.
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.body).unwrap_or_default()
     }

@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub use stage::Stage;
 pub use table::table;
 
-/// Who dies.
+/// A kind of process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// The driver of the arm.
@@ -92,7 +92,7 @@ pub enum Phase {
     Stopping,
 }
 
-/// How it dies.
+/// The signal, or the freezing of a thread, by which a case disturbs its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// SIGKILL.
@@ -138,7 +138,7 @@ pub const WAYS: [(Way, &str); 4] = [
     (Way::Term, "SIGTERM"),
 ];
 
-/// Helper threads of the executor, by name. The real-time thread and the main thread, which only waits, are no helpers.
+/// Helper threads of the executor, by name; without the real-time thread and the main thread, which only waits.
 pub const HELPERS: [&str; 6] = [
     "intake",
     "net-builder",
@@ -151,11 +151,11 @@ pub const HELPERS: [&str; 6] = [
 /// One case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
-    /// Who.
+    /// Target: a process, two of them, or a thread.
     pub victim: Victim,
-    /// When.
+    /// Phase of the cell in which the target is disturbed.
     pub phase: Phase,
-    /// How.
+    /// Signal.
     pub way: Way,
 }
 

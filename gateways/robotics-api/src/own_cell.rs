@@ -70,7 +70,7 @@ pub enum OwnCellError {
         /// The error of the system.
         source: io::Error,
     },
-    /// The arm is none that RCC knows.
+    /// The geometry of the arm is not one of the supported kinds.
     #[error("the geometry of '{device}' is not supported: {cause}")]
     Geometry {
         /// The device.

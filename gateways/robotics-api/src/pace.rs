@@ -1,5 +1,5 @@
-//! A common pace of all clients: the loader takes 1000 requests a second from one process, and the engine needs some of
-//! them whatever clients do. Shared by the threads of connections.
+//! Rate limit for the requests of all clients together: the loader accepts 1000 requests per second from one process,
+//! and a part of them is reserved for the engine. Shared by the threads of connections.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -9,10 +9,10 @@ const EVERY: Duration = Duration::from_millis(2);
 /// Requests that may come at once after a pause.
 const BURST: u32 = 200;
 
-/// The pace.
+/// The rate limiter.
 #[derive(Debug, Default)]
 pub struct Pace {
-    /// When the next request would be due without a burst.
+    /// Time at which the next request would be due without a burst.
     next: Mutex<Option<Instant>>,
 }
 

@@ -18,7 +18,8 @@ use crate::pushes::NetState;
 use crate::state::{RuleState, ScheduleRule, Session};
 use crate::values::from_library;
 
-/// Nets of one connection that are loaded at the same time; further ones wait, and what comes after them.
+/// Maximum number of nets that one connection loads at the same time; further LOADs wait, and so do the requests after
+/// them.
 const LOADING_MAX: usize = 4;
 /// Shortest time between two sets of values that a client may ask for.
 const INTERVAL_MIN: Duration = Duration::from_millis(5);

@@ -107,11 +107,11 @@ pub struct Field<'a> {
     pub options: Options,
     /// Process id of the executor.
     executor: AtomicU32,
-    /// Since when.
+    /// Start of the run.
     pub begun: Instant,
     /// Log of the events.
     pub journal: Arc<Journal>,
-    /// How often.
+    /// Number of times that each action was carried out.
     pub counts: Counts,
     /// The arm's driver; held while it is restarted.
     pub arm_driver: Mutex<Process>,
