@@ -226,7 +226,7 @@ def main():
         columns = ["--show", "every-type/*"]
         cell.must("replay", incident, *columns, "--csv", folder / "incident.csv")
         cell.must("replay", incident, "--mcap", replayed)
-        # What the executor computed again, bit for bit, is what all readers must find in both files.
+        # All readers must find in both files the values that a replay computes again, bit for bit.
         expected = table(folder / "incident.csv")
         for path, exact in [(replayed, True), (live, False)]:
             names, rows, attached = of_python(path)

@@ -58,7 +58,7 @@ class Program:
         )
 
     def line(self):
-        """What it says next; an empty text if it has ended."""
+        """The next line of its output; an empty text if it has ended."""
         return self.process.stdout.readline().rstrip("\n")
 
     def interrupt(self):

@@ -119,7 +119,7 @@ line = arm.lin([0.538, -0.15, 0.384])
 
 
 def columns(action, **options):
-    """What its outputs and the distance of its motion were in each cycle of a simulation."""
+    """Its outputs and the distance of its motion in each cycle of a simulation."""
     net = action.net()
     parts = net.document()["primitives"]
     names = {}

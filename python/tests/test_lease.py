@@ -1,4 +1,4 @@
-"""What the client says about itself: a lease is asked for, named at START, renewed beside the program, and ended."""
+"""The lease of the client: requested, named at START, renewed beside the program, and ended."""
 
 import asyncio
 import http.server

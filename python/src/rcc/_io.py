@@ -40,7 +40,7 @@ class Background(Protocol):
 
 
 class Io(Protocol):
-    """What the client needs from a transport."""
+    """Functions that the client needs from a transport."""
 
     async def send(self, request: httpx.Request, timeout: float | None) -> httpx.Response:
         """Sends a request and reads the whole answer."""

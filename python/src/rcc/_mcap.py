@@ -20,7 +20,7 @@ Key = tuple[int, int]
 
 @dataclass(frozen=True)
 class Clock:
-    """What the clock of this machine showed in a cycle."""
+    """Time of the clock of this machine in a cycle."""
 
     cycle: int
     time_ns: int

@@ -1,4 +1,4 @@
-"""What needs no cell: checking, drawing and simulating a net, by the program `rcc-cli`."""
+"""Tools that need no cell: checking, drawing and simulating a net, by the program `rcc-cli`."""
 
 from __future__ import annotations
 

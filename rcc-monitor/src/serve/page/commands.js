@@ -1,4 +1,4 @@
-// What a person can do to nets. CANCEL needs no confirmation; START and ABORT do.
+// Operations on nets. CANCEL needs no confirmation; START and ABORT do.
 
 import { confirm, note } from "./dom.js";
 import { isActive } from "./format.js";
