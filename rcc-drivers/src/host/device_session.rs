@@ -28,7 +28,7 @@ use command_feed::CommandFeed;
 use phase::SessionPhase;
 use playback::PlaybackPointer;
 
-/// Longest interval between two looks at the command board, in executor periods.
+/// Longest interval between two reads of the command board, in executor periods.
 pub const OBSERVE_PERIODS_MAX: u64 = 4;
 /// A silent device is offline after this number of its periods, or after `command_timeout` if that is longer.
 const SILENT_PERIODS: u64 = 5;
@@ -75,7 +75,7 @@ pub struct PlaybackCounts {
     pub violations: u64,
 }
 
-/// How far the end of the driver has come.
+/// Progress of the driver's shutdown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shutdown {
     NotRequested,

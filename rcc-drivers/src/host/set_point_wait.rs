@@ -57,8 +57,8 @@ impl SetPointStatus {
 pub(super) struct SetPointWait {
     /// Expected time from a packet to its set-point, from earlier exchanges, ns.
     ///
-    /// It follows from when set-points were written, never from when they were found: a driver that looks later than that
-    /// finds them later, would look later still, and would end at the latest time of an answer.
+    /// Estimated from the times at which set-points were written, not from those at which they were read: otherwise a
+    /// late read would raise the estimate, which delays the next read, up to the latest time of an answer.
     expected_ns: u64,
 }
 

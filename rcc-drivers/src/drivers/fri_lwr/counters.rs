@@ -115,7 +115,7 @@ impl FriCounters {
         self.foreign_last.store(packed(source), Relaxed);
     }
 
-    /// Counts a datagram that was refused; `doubt` says why it was not believed.
+    /// Counts a datagram that was refused; `doubt` is the reason if it was implausible.
     pub fn refused(&self, bytes: &[u8], source: SocketAddr, doubt: Option<Doubt>) {
         self.datagrams.fetch_add(1, Relaxed);
         self.controller.store(packed(source), Relaxed);

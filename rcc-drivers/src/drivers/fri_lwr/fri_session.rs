@@ -205,7 +205,7 @@ impl FriSession {
         })
     }
 
-    /// Returns why the last datagram was not believed, if that is why it was refused.
+    /// Returns why the last datagram was implausible, if it was refused for that reason.
     #[must_use]
     pub fn doubt(&self) -> Option<Doubt> {
         self.unconfirmed.as_ref().map(|(_, doubt)| *doubt)

@@ -32,7 +32,7 @@ pub enum Wish {
 /// The integers of a convention; variables are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Handshake {
-    /// Number of `$FRI_FRM_INT` that holds the wish, and its values for each.
+    /// Number of `$FRI_FRM_INT` that holds the request; its values are `present`, `start` and `stop`.
     pub request: usize,
     present: i32,
     start: i32,
@@ -78,7 +78,7 @@ impl KrlConvention {
 }
 
 impl Handshake {
-    /// Writes the wish and, if given, the strategy.
+    /// Writes the request and, if given, the strategy.
     pub fn write(&self, krl: &mut KrlBlock, wish: Wish, strategy: Option<ControlMode>) {
         let value = match wish {
             Wish::Present => self.present,

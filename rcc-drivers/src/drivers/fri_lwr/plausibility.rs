@@ -1,4 +1,4 @@
-//! Detects doubtful datagrams while commands are executed, and averages the controller's sample time.
+//! Detects implausible datagrams while commands are executed, and averages the controller's sample time.
 //! Pure; run by the host's thread.
 
 use crate::fri_lwr::wire::MeasurementDatagram;
@@ -6,7 +6,7 @@ use crate::fri_lwr::wire::MeasurementDatagram;
 /// Number of datagrams over which the sample time is averaged.
 const PERIODS_AVERAGED: f64 = 1000.0;
 
-/// Why a datagram is not believed before the next one confirms it.
+/// Why a datagram is implausible: it is accepted only once the next one confirms it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Doubt {
     /// The session state changes.
@@ -51,7 +51,7 @@ pub struct PeriodMean {
 }
 
 impl PeriodMean {
-    /// A mean of nothing, with a tolerance as a fraction.
+    /// A mean without a sample time yet, with a tolerance as a fraction.
     #[must_use]
     pub fn new(tolerance: f64) -> Self {
         Self {
