@@ -38,11 +38,11 @@ mod rules;
 use builds::{BuildState, ReadyCommand};
 use drivers::DriverLinks;
 
-/// Maximum time between two rounds when nothing is awaited: drivers and shutdown are looked at then.
+/// Maximum time between two rounds while nothing is pending: each round checks the drivers and the stop request.
 const IDLE_MAX: Duration = Duration::from_millis(2);
-/// Interval at which a net that is being built is looked for.
+/// Polling interval for a net that is being built.
 const BUILD_POLL: Duration = Duration::from_micros(500);
-/// Interval at which the answer of a cycle that should have ended is looked for.
+/// Polling interval for the answer of a cycle that should have ended.
 const LATE_POLL: Duration = Duration::from_micros(50);
 /// Maximum number of requests that wait for a net that is being built.
 const DEFERRED_MAX: usize = 64;

@@ -351,7 +351,7 @@ fn rule_event(status: &RuleStatus) -> EventKind {
     }
 }
 
-/// Why nothing followed, in short; `GET /rules` gives names, values and limits.
+/// Short reason why a rule was refused when it fired; `GET /rules` gives names, values and limits.
 fn refusal_words(refusal: Refusal, state: RuleState) -> String {
     match refusal {
         Refusal::Busy { holder, .. } => format!("command {holder} has a resource that it needs"),

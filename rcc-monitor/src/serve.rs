@@ -43,7 +43,7 @@ mod viewer;
 
 /// Interval at which values are sent.
 const BATCH_EVERY: Duration = Duration::from_millis(40);
-/// Interval at which signals are looked for.
+/// Polling interval for signals.
 const SIGNALS_EVERY: Duration = Duration::from_millis(100);
 /// Port without `--port`; the next free one is taken if it is in use.
 pub const PORT: u16 = 7426;

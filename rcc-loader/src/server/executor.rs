@@ -86,7 +86,8 @@ pub struct ExecutorConnection {
     pub announcement: Announcement,
     clients: Vec<Mutex<Client>>,
     status: Mutex<BoardReader<CycleStatus>>,
-    /// The first [`STOP_TABLE_READERS`] for CANCEL and ABORT, which wait for no thread that lists and has no processor.
+    /// The first [`STOP_TABLE_READERS`] are reserved for CANCEL and ABORT, which therefore never wait for a preempted
+    /// thread that lists commands.
     tables: Vec<Mutex<BoardReader<Tables>>>,
     timing: Mutex<BoardReader<CycleTiming>>,
     helpers: Mutex<BoardReader<HelperTable>>,

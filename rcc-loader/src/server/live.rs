@@ -69,7 +69,7 @@ impl LiveSender {
     }
 }
 
-/// A piece that alone is longer than all room takes all of it.
+/// Returns the part of the buffer that a piece takes, bytes; one that is longer than the buffer takes all of it.
 fn share(piece: &str) -> u32 {
     piece.len().min(BYTES_MAX) as u32
 }

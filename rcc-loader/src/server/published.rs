@@ -1,4 +1,4 @@
-//! Values that CANCEL and ABORT read: a reader never waits for another thread, which may have no processor.
+//! Values that CANCEL and ABORT read: a reader never waits for another thread, which may be preempted.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

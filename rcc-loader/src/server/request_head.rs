@@ -122,8 +122,9 @@ fn class_of(request: &httparse::Request<'_, '_>) -> RequestClass {
     }
 }
 
-/// Returns the length of the body, bytes, or `None` if it is chunked. Rejects what the HTTP library would refuse with a bare status: an invalid method, address or version, and a body
-/// whose end is ambiguous (RFC 9112, section 6.3).
+/// Returns the length of the body, bytes, or `None` if it is chunked. Rejects requests that the HTTP library would
+/// refuse with a bare status: an invalid method, address or version, and a body whose end is ambiguous (RFC 9112,
+/// section 6.3).
 fn check(request: &httparse::Request<'_, '_>) -> Result<Option<usize>, ApiError> {
     let method = request.method.unwrap_or_default();
     if Method::from_bytes(method.as_bytes()).is_err() {

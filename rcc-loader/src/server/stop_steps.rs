@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 /// Time from the connection, or from the first byte on a kept-open one, above which a CANCEL or ABORT is logged.
 const SLOW: Duration = Duration::from_millis(20);
 
-/// When the first byte of a request was awaited: its connection was accepted, or the request before it was answered.
+/// Time since which the first byte of a request was awaited: when its connection was accepted, or when the previous
+/// request on it was answered.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrived(pub Instant);
 

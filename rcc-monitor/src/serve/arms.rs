@@ -1,5 +1,5 @@
-//! Where the arms are: links as lines between joint origins, from the joint positions that running nets measure or command,
-//! or else from what the driver tells once a second. Run by the serving thread.
+//! Poses of the arms' links, as lines between joint origins: from the joint positions that running nets measure or
+//! command, or else from the driver's diagnosis file, written once per second. Run by the serving thread.
 
 use rcc_config::DeviceConfig;
 use rcc_core::frame::joints_from;

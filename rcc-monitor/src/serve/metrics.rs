@@ -1,5 +1,5 @@
-//! `/metrics`: counts and states of the cell for Prometheus, read from the loader when somebody scrapes. Between scrapes
-//! nothing is read or kept but the names that have labels. Run by the serving thread.
+//! `/metrics`: counts and states of the cell for Prometheus, read from the loader at each scrape. Between scrapes
+//! nothing is read, and only restarts and the names that have labels are kept. Run by the serving thread.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};

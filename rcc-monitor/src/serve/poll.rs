@@ -51,7 +51,7 @@ impl Poll {
         );
         let executor = status.as_ref().ok();
         let executor = executor.and_then(|status| status["executor"]["incarnation"].as_str());
-        // While the loader or the executor is dead, what is known of it is shown as old.
+        // While the loader or the executor is dead, its last known state is shown, marked as old.
         if let Some(executor) = executor.filter(|executor| *executor != self.executor) {
             self.executor = executor.to_owned();
             // Ids begin anew with each executor.

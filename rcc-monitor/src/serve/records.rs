@@ -19,7 +19,7 @@ use rcc_protocol::element_kind::ElementKind;
 
 /// Interval at which the stream is polled; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
-/// Interval at which wanted ports and executors are looked for.
+/// Polling interval for wanted ports and for executors.
 const IDLE: Duration = Duration::from_millis(100);
 /// Pause after the stream could not be read.
 const RETRY_AFTER: Duration = Duration::from_secs(2);

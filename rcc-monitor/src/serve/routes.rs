@@ -1,4 +1,4 @@
-//! The routes of the dashboard. Run by the one serving thread; what takes time runs on blocking threads.
+//! The routes of the dashboard. Run by the one serving thread; long operations run on blocking threads.
 
 use std::sync::Arc;
 

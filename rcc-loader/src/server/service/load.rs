@@ -20,7 +20,7 @@ use crate::server::command_summary::CommandSummary;
 use crate::server::executor::ExecutorConnection;
 use crate::server::store::{self, CommandStore, StoreError};
 
-/// Returns the commands that are being loaded by a loader that is dead if this one has not reserved any yet.
+/// Returns the commands in the state `loading`. Before this loader has reserved an id, they are those of a dead loader.
 pub(super) fn orphans(attached: &ExecutorConnection) -> Vec<u64> {
     let rows = attached.tables().commands.into_iter();
     let loading = CommandState::Loading;

@@ -62,7 +62,7 @@ impl Service {
         };
         let mut ids = load::orphans(&attached);
         let known = self.loading.get();
-        // One whose id is on its way to a thread of this loader is known in the next pass.
+        // A command that was reserved just now may not be in `loading` yet; the next pass finds it there.
         ids.retain(|id| !known.contains_key(id));
         let due = {
             // A panic leaves it intact: it is observed again in each pass.
