@@ -391,8 +391,8 @@ impl Guard {
     /// Returns the motion at the last accepted set-point; `None` without one.
     ///
     /// Velocity and acceleration are extrapolated from finite differences, the acceleration such that it is never more
-    /// than the true one: whoever plans on from a larger one would exceed the velocity limit before the jerk limit lets
-    /// it end.
+    /// than the true one: a motion that is planned from a larger one would exceed the velocity limit before the jerk
+    /// limit lets the acceleration end.
     #[must_use]
     pub fn motion(&self) -> Option<ArmMotion> {
         let SetPointHistory {

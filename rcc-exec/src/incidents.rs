@@ -150,7 +150,8 @@ pub struct IncidentWriter {
 }
 
 impl IncidentWriter {
-    /// Creates a writer for the recordings of `helper`. Whoever builds nets sends each one through the returned sender.
+    /// Creates a writer for the recordings of `helper`. The origin of each net that is built must be sent through the
+    /// returned sender.
     pub fn new(
         context: IncidentContext,
         helper: FlightRecorderHelper,

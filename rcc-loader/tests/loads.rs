@@ -58,7 +58,7 @@ fn a_reservation_whose_answer_came_too_late_is_rejected_after_a_while() {
     let test = TestCell::new("late");
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
-    // Whoever attaches first rejects what a dead loader was loading.
+    // The first call attaches, and rejects the commands that a dead loader was loading.
     service.list().expect("a list");
     executor.hold(true);
     let soon = Caller::until(Some(Instant::now() + Duration::from_millis(50)));

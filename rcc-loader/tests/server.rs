@@ -115,7 +115,7 @@ fn a_refused_plan_reports_the_executors_reason_with_names() {
 fn a_loader_does_not_reject_what_it_loads_itself_while_it_attaches() {
     let test = TestCell::new("attaches");
     let executor = FakeExecutor::start(&test.cell, &[], None);
-    // Whoever attaches first removes these, and the other one reserves an id meanwhile.
+    // The first attached thread removes these, and the other one reserves an id meanwhile.
     for dead in 1..1000 {
         let folder = test.cell.commands_dir().join(format!("{dead:016x}"));
         std::fs::create_dir_all(&folder).expect("created");

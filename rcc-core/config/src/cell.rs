@@ -119,8 +119,8 @@ pub struct SimulatorConfig {
     pub name: String,
     /// The program: a name next to our own programs, or a path.
     pub program: String,
-    /// Its arguments, with `${port}` replaced. With `device`, whoever starts it adds `--control` and its control
-    /// socket.
+    /// Its arguments, with `${port}` replaced. With `device`, the program that starts it adds `--control` and its
+    /// control socket.
     pub arguments: Vec<String>,
     /// The simulated device.
     pub device: Option<String>,

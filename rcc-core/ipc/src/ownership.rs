@@ -38,8 +38,8 @@ pub fn acquire(cell: &Cell, announcement: &Announcement) -> Result<Announced, Wi
 /// the cell is announced as owned; afterwards it can be acquired again.
 ///
 /// # Errors
-/// Returns an error if another process is still in the cell, or if a file cannot be removed; whoever acquires the cell
-/// next removes the rest.
+/// Returns an error if another process is still in the cell, or if a file cannot be removed; the next owner of the cell
+/// removes the rest.
 pub fn release(cell: &Cell, announced: &Announced) -> Result<WipeReport, WipeError> {
     let access = lock_exclusively(cell, Some(announced.announcement()))?;
     let report = wipe_locked(cell, &access)?;

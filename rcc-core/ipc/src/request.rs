@@ -494,7 +494,7 @@ impl Session {
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
         let folder = self.cell().iox_root();
-        // Not before the server exists: whoever finds the socket finds the server.
+        // Not before the server exists: a client that finds the socket must find the server.
         let wake = WakeReceiver::bind(&folder, &service).map_err(|source| RequestError::Wake {
             service: service.clone(),
             source,

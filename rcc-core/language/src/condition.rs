@@ -1,5 +1,5 @@
 //! Conditions of rules: text over states, outcomes and values of commands, to terms in postfix notation. Names stay
-//! names; whoever installs the rule resolves them. Runs on the loader's threads and in the command line.
+//! names; the installation of the rule resolves them. Runs on the loader's threads and in the command line.
 
 use rcc_config::diagnostic::closest;
 use rcc_core::message::{CommandState, EndReason};

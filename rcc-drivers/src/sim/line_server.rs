@@ -1,5 +1,5 @@
-//! The control port: a Unix socket on which each line is a request and gets one line as its answer. Whoever can connect
-//! is served; see [`super::control_socket`].
+//! The control port: a Unix socket on which each line is a request and gets one line as its answer. Every process that
+//! can connect is served; see [`super::control_socket`].
 //! One thread accepts, and one thread serves each connection; none of them touches a simulator's clock thread.
 
 use rcc_process::log_throttle::LogThrottle;

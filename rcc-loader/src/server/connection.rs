@@ -270,9 +270,9 @@ where
 
 /// The reason why a request is not served.
 enum Refusal {
-    /// The client is told, and its input is read for a while.
+    /// The error is sent to the client, and its input is read for a while.
     Answered(ApiError),
-    /// The client is told as far as that takes no time.
+    /// As much of the error as fits into the socket's buffer is sent, without waiting.
     CutOff(ApiError),
 }
 

@@ -44,7 +44,7 @@ pub fn discard_excess(file: &mut CommandFile) {
     }
 }
 
-/// Keeps as many findings as fit into [`FINDINGS_MAX`], errors first, and adds one that tells how many there were.
+/// Keeps as many findings as fit into [`FINDINGS_MAX`], errors first, and adds one with the total number.
 fn limit_findings(findings: &mut Vec<Finding>) {
     let size = |row: &Finding| {
         let location = |location: &Option<TextLocation>| {

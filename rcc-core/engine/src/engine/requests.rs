@@ -128,7 +128,7 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    /// Reserves a free row. In a full table the oldest rejected command gives way: it can only be read, and a client
+    /// Reserves a free row. In a full table the oldest rejected command is dropped: it can only be read, and a client
     /// that leaves its rejected commands there would keep all others from loading.
     fn reserve(&mut self) -> Result<u64, Refusal> {
         let free = RowIndex::all().find(|row| self.commands[*row].entry.id == 0);

@@ -112,7 +112,7 @@ impl IiwaCounters {
         let count = counter.fetch_add(1, Relaxed) + 1;
         if let Ok(mut texts) = self.texts.try_lock() {
             let text = format!("{source}: {refusal}");
-            // Ever more rarely: whoever sends garbage must not fill the log.
+            // Ever more rarely: a sender of invalid datagrams must not fill the log.
             if refusal.wire.is_some() && count.is_power_of_two() {
                 tracing::warn!(count, "datagram not read: {text}");
             }

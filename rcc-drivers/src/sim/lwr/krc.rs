@@ -255,8 +255,8 @@ impl Krc {
 
     /// Stops with a fault: brakes, switches the drives off, and enters monitor state; the first cause is kept.
     ///
-    /// The time at rest begins anew, so that a fault of an arm that has rested for long is shown for as long as any
-    /// other before the KRL program acknowledges it.
+    /// The time at rest is reset, so that a fault of an arm that has rested for long is shown for as long as any other
+    /// before the KRL program acknowledges it.
     pub(super) fn fail(&mut self, fault: KrcFault) {
         self.robot.at_rest_for_s = 0.0;
         if self.fault.is_none() {
