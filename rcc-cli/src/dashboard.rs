@@ -22,7 +22,7 @@ pub struct DashboardArguments {
     /// Refuse START on the pages; CANCEL and ABORT are always possible
     #[arg(long)]
     pub no_start: bool,
-    /// File with the token of whoever reads /metrics; only its owner may read it
+    /// File with the token that readers of /metrics must send; only its owner may read it
     #[arg(long, value_name = "FILE")]
     pub metrics_token: Option<PathBuf>,
     /// Let every program of this machine read /metrics without a token

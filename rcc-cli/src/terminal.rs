@@ -124,7 +124,7 @@ pub fn cut(row: &str, columns: usize) -> String {
 }
 
 /// Fits a table with `heads` rows of headings onto a screen on which the cursor has a row of its own: the headings
-/// stay, and the last row tells how many rows there was no room for.
+/// stay, and the last row gives the number of rows that do not fit.
 #[must_use]
 pub fn fitted(table: &str, heads: usize, size: TerminalSize) -> String {
     let all: Vec<&str> = table.trim_end_matches('\n').lines().collect();

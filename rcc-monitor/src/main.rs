@@ -56,7 +56,7 @@ enum Verb {
         /// Refuse START; CANCEL and ABORT are always possible.
         #[arg(long)]
         no_start: bool,
-        /// File with the token of whoever reads /metrics; only its owner may read it.
+        /// File with the token that readers of /metrics must send; only its owner may read it.
         #[arg(long, value_name = "FILE")]
         metrics_token: Option<PathBuf>,
         /// Let every program of this machine read /metrics without a token.
@@ -179,7 +179,7 @@ fn run_record(cell: &str, arguments: RecordArguments, signals: &mut Signals) -> 
     };
     let mut out = io::stdout().lock();
     for line in lines {
-        // Whoever closed the output does not want it.
+        // An error is ignored: the reader has closed the output.
         let _ = writeln!(out, "{}", Printable(&line));
     }
     ExitCode::SUCCESS

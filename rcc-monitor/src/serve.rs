@@ -57,7 +57,7 @@ pub struct ServeOptions {
     pub port: Option<u16>,
     /// Pages may start nets, after a confirmation.
     pub may_start: bool,
-    /// File with the token of whoever reads `/metrics`.
+    /// File with the token that readers of `/metrics` must send.
     pub metrics_token: Option<PathBuf>,
     /// `/metrics` needs no token.
     pub metrics_open: bool,

@@ -91,7 +91,7 @@ impl NotifySocket {
             true => (self.last_heartbeat, watchdog),
             false => (self.started, start),
         };
-        // A stopping process has another limit, which is watched by whoever stops it.
+        // A stopping process has another limit, which is watched where it is stopped.
         Some(since.elapsed()).filter(|silence| *silence > limit && !self.stopping)
     }
 

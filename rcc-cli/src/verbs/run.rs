@@ -51,7 +51,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if context.format == OutputFormat::Json {
         context.print(&command, |_| String::new());
     }
-    // Whoever requested the run has withdrawn it, whether the net was cancelled, aborted or had just finished.
+    // The user has interrupted the run, whether the net was then cancelled, aborted or had just finished.
     if interrupts.asked() && command.fault.is_none() {
         return Err(Failure::interrupted());
     }

@@ -115,7 +115,7 @@ impl Page {
         }
     }
 
-    /// Tells how many updates were lost, and sends the newest state instead of them.
+    /// Sends the number of lost updates, and the newest state instead of them.
     async fn after_loss(&mut self, lost: u64) -> Result<(), Gone> {
         self.send("lost", &json!({"updates": lost}).to_string())
             .await?;

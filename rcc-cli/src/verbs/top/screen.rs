@@ -49,7 +49,7 @@ impl Section {
         self.lines.len() + 1
     }
 
-    /// Cuts the section to `rows` rows; the last one tells how many lines are missing.
+    /// Cuts the section to `rows` rows; the last one gives the number of missing lines.
     fn cut(mut self, rows: usize) -> Section {
         if self.rows() > rows && rows >= 3 {
             let missing = self.rows() - rows + 1;

@@ -12,7 +12,7 @@ use prometheus_client::registry::Registry;
 /// A format of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextFormat {
-    /// OpenMetrics 1.0: a counter's family has the name without `_total`, units are told.
+    /// OpenMetrics 1.0: a counter's family has the name without `_total`, and each family states its unit.
     OpenMetrics,
     /// Text format 0.0.4: a counter's family has the whole name.
     Prometheus,
