@@ -30,8 +30,8 @@ fn scrape(server: &DashboardServer) -> Samples {
     parsed(&reply.body)
 }
 
-/// Parses OpenMetrics strictly: each family is told once with help and type before its samples, names have the suffixes
-/// of their type and unit, no series comes twice, histograms are cumulative, and the end is told.
+/// Parses OpenMetrics strictly: each family is declared once with help and type before its samples, names have the
+/// suffixes of their type and unit, no series occurs twice, histograms are cumulative, and the end is marked.
 fn parsed(text: &str) -> Samples {
     let text = text.strip_suffix("# EOF\n").expect("it ends with EOF");
     let (mut samples, mut families) = (Samples::new(), Vec::new());
@@ -228,7 +228,7 @@ fn counters_survive_a_restart_of_the_executor_as_counters() {
             assert!(third.get(series) >= Some(counted), "{series}");
         }
     }
-    // Without a loader nothing old is told.
+    // Without a loader no old value is exported.
     let _place = cell.interrupt();
     let gone = await_some("a scrape without a cell", || {
         let samples = scrape(&server);
@@ -283,7 +283,7 @@ fn a_scraper_needs_its_token_and_gets_nothing_else() {
     assert_eq!(status("/api/timing", &format!("{host}{bearer}")), 401);
     let foreign = format!("host: evil.example:{}\r\n{bearer}", server.port());
     assert_eq!(status("/metrics", &foreign), 421);
-    // Who does not ask for OpenMetrics gets the older format.
+    // A client that does not accept OpenMetrics gets the older format.
     let reply = server.request("GET", "/metrics", &format!("{host}{bearer}"), "");
     assert_eq!(reply.status, 200);
     assert!(

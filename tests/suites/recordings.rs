@@ -108,7 +108,7 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     let disk = cell.folder().join("disk");
     fs::create_dir(&disk).expect("a folder");
     let copy = cell.folder().join("copy.mcap");
-    // Whoever enters the namespace sees the small disk; what is left on it is copied out.
+    // Processes in the namespace see the small disk; the files that are left on it are copied out.
     let script = format!(
         "mount -t tmpfs -o size=2M none {disk} || exit 77; {monitor} --cell {cell} record {disk}/out.mcap; code=$?; \
          cp {disk}/out.mcap {copy}; exit $code",

@@ -227,7 +227,7 @@ fn tail_and_the_history_show_every_record_of_a_cell_on_another_machine() {
     let id = remote.cell.run(text);
     let shown = remote.json(&["tail", "every/clock.out", "--count", "500"]);
     assert_eq!(shown.len(), 500);
-    // A busy machine may lose records: that is told, and the numbers of the cycles go on.
+    // A busy machine may lose records: the loss is reported, and the numbers of the cycles go on.
     let values: Vec<&Value> = shown.iter().filter(|row| row["lost"].is_null()).collect();
     let cycles: Vec<u64> = values
         .iter()

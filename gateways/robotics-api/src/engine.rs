@@ -257,7 +257,7 @@ fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
     }
 }
 
-/// Stops every net when the gateway ends: whoever relied on it is no longer served.
+/// Stops every net when the gateway ends: its clients are no longer served.
 pub fn end_all(gateway: &Gateway) {
     let active: Vec<(String, bool)> = {
         let mut state = gateway.state();
