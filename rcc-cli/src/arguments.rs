@@ -15,7 +15,7 @@ use crate::verbs::{GROUPS, Verb};
 #[derive(Parser, Debug)]
 #[command(version = rcc_protocol::version::version(), after_help = EXIT_CODES)]
 pub struct Arguments {
-    /// Name of the cell [default: demo].
+    /// Name of the cell [default: demo; for `up` the name in its file].
     #[arg(long, env = "RCC_CELL", global = true)]
     pub cell: Option<String>,
     /// Connect to the loader over TCP instead of the cell's socket: http://HOST:PORT.

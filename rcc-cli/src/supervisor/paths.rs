@@ -6,8 +6,8 @@ use rcc_api::codes;
 
 use crate::failure::Failure;
 
-/// Configurations of an installed package.
-const INSTALLED: &str = "/usr/share/rcc/configs";
+/// The configurations of an installation, below its prefix (`packaging/install`, the Debian package).
+const INSTALLED: &str = "share/rcc";
 
 /// Returns the path of a program: a path is taken as it is, a name is searched beside this program and one folder up
 /// (where tests find it).
@@ -35,7 +35,7 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
 }
 
 /// Returns the path of a configuration file: below `$RCC_CONFIGS`, or else in the source tree of this program, or else
-/// in the installed package.
+/// where this program is installed.
 ///
 /// # Errors
 /// Fails if it does not exist.
@@ -43,15 +43,7 @@ pub fn config(relative: &str) -> Result<PathBuf, Failure> {
     let named = std::env::var_os("RCC_CONFIGS").filter(|value| !value.is_empty());
     let looked: Vec<PathBuf> = match named {
         Some(folder) => vec![PathBuf::from(folder).join(relative)],
-        None => {
-            let here = std::env::current_exe().unwrap_or_default();
-            let above = here.ancestors().skip(2).take(3);
-            let mut all: Vec<PathBuf> = above
-                .map(|folder| folder.join("configs").join(relative))
-                .collect();
-            all.push(Path::new(INSTALLED).join(relative));
-            all
-        }
+        None => candidates(&std::env::current_exe().unwrap_or_default(), relative),
     };
     found(&looked).ok_or_else(|| {
         Failure::new(
@@ -65,6 +57,16 @@ pub fn config(relative: &str) -> Result<PathBuf, Failure> {
     })
 }
 
+/// The places of a configuration file for a program: `PREFIX/bin/rcc-cli` is installed, `target/release/rcc-cli` is in the
+/// source tree.
+fn candidates(program: &Path, relative: &str) -> Vec<PathBuf> {
+    let above = || program.ancestors().skip(2);
+    let sources = above().take(3).map(|folder| folder.join("configs"));
+    let installed = above().take(1).map(|prefix| prefix.join(INSTALLED));
+    let folders = sources.chain(installed);
+    folders.map(|folder| folder.join(relative)).collect()
+}
+
 fn found(looked: &[PathBuf]) -> Option<PathBuf> {
     looked.iter().find(|path| path.is_file()).cloned()
 }
@@ -75,4 +77,31 @@ fn listed(paths: &[PathBuf]) -> String {
         .map(|path| path.display().to_string())
         .collect();
     texts.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_installed_program_finds_what_was_installed_with_it() {
+        let prefix = rcc_testing::folder();
+        let cells = prefix.path().join("share/rcc/cells");
+        std::fs::create_dir_all(&cells).unwrap();
+        std::fs::write(cells.join("demo.yaml"), "cell: demo\n").unwrap();
+        let program = prefix.path().join("bin/rcc-cli");
+        let looked = candidates(&program, "cells/demo.yaml");
+        assert_eq!(found(&looked), Some(cells.join("demo.yaml")));
+        assert_eq!(found(&candidates(&program, "cells/none.yaml")), None);
+    }
+
+    #[test]
+    fn a_program_of_the_source_tree_finds_the_sources() {
+        for profile in ["target/debug", "target/debug/deps", "target/release"] {
+            let program = Path::new("/rcc").join(profile).join("rcc-cli");
+            let looked = candidates(&program, "cells/demo.yaml");
+            let sources = PathBuf::from("/rcc/configs/cells/demo.yaml");
+            assert!(looked.contains(&sources), "{looked:?}");
+        }
+    }
 }

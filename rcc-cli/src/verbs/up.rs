@@ -39,6 +39,18 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
     let json = context.format == OutputFormat::Json;
     let printer = BackgroundPrinter::start();
+    if name != prepared.config.name {
+        let renamed = SupervisorEvent {
+            at: std::time::Duration::ZERO,
+            who: format!("cell {name}"),
+            what: format!(
+                "named by --cell or RCC_CELL; {} names it {}",
+                arguments.file.display(),
+                prepared.config.name
+            ),
+        };
+        print_event(&printer, &renamed, json);
+    }
     let event_printer = printer.clone();
     let mut supervisor = Supervisor::start(
         &name,
