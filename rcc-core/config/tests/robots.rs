@@ -34,7 +34,8 @@ fn every_robot_returns_to_every_pose_in_every_branch() {
             "kr6_r900_2.yaml",
             "lwr4plus.yaml",
             "med14.yaml",
-            "med7.yaml"
+            "med7.yaml",
+            "med7_turned.yaml"
         ]
     );
     for (file, robot) in robots {

@@ -290,6 +290,23 @@ mod tests {
     }
 
     #[test]
+    fn the_page_of_each_robot_has_every_stage() {
+        for (page, stages) in [
+            ("lwr.md", super::super::fri::STAGES),
+            ("iiwa.md", super::STAGES),
+        ] {
+            let path = format!("{}/../docs/{page}", env!("CARGO_MANIFEST_DIR"));
+            let text = std::fs::read_to_string(&path).expect("a page");
+            for (stage, _) in stages {
+                assert!(
+                    text.contains(&format!("\n| `{stage}` | ")),
+                    "{page}: {stage}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn a_good_connection_passes_every_stage() {
         let report = LinkReport::of(&running(json!({})));
         assert_eq!(report.failed, None);
