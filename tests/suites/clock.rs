@@ -62,6 +62,26 @@ fn a_clock_that_follows_the_robot_is_locked_and_status_shows_it() {
 }
 
 #[test]
+fn a_robot_that_the_clock_follows_rates_the_connection_perfect() {
+    let cell = following("1 ms", 1);
+    let watch = cell.watch();
+    await_clock(&watch, ClockState::Locked);
+    let mut robot = cell.simulator("lwr-sim");
+    // The answers leave after the executor's cycle, and in the first half of the period nevertheless.
+    await_some("PERFECT", || {
+        (robot.state()["quality"] == "perfect").then_some(())
+    });
+    let lamp = cell.run(&nets::lamp("lamp"));
+    await_some("PERFECT while a net runs", || {
+        (robot.state()["quality"] == "perfect").then_some(())
+    });
+    cell.done(lamp, "cancel");
+    cell.assert_ends(lamp, "canceled");
+    drop(watch);
+    cell.stop();
+}
+
+#[test]
 fn without_its_robot_the_clock_runs_on_its_own_and_locks_again() {
     let cell = following("1 ms", 1);
     let watch = cell.watch();

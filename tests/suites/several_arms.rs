@@ -1,4 +1,4 @@
-//! Two arms in one net, each with a driver of its own: started, cancelled and stopped as one.
+//! Two arms in one net, each with a driver of its own: started, cancelled and stopped as one. Two LWRs, and an LWR and an iiwa.
 //! Each test has a cell of its own.
 
 use rcc_protocol::Role;
@@ -8,8 +8,10 @@ use rcc_tests::{TestCell, await_some, repository};
 /// Maximum movement of one flange relative to the other while they hold the load, m.
 const SLIP: f64 = 1e-9;
 
-fn cell() -> TestCell {
-    TestCell::start(&repository().join("configs/cells/two-arms.yaml"), |text| {
+const CELLS: [&str; 2] = ["two-arms.yaml", "lwr-and-iiwa.yaml"];
+
+fn cell(config: &str) -> TestCell {
+    TestCell::start(&repository().join("configs/cells").join(config), |text| {
         text
     })
 }
@@ -45,7 +47,11 @@ fn assert_held(records: RecordCollector, least: usize) {
 
 #[test]
 fn two_arms_carry_a_load_and_are_cancelled_as_one() {
-    let cell = cell();
+    CELLS.into_iter().for_each(carried_and_cancelled);
+}
+
+fn carried_and_cancelled(config: &str) {
+    let cell = cell(config);
     let records = RecordCollector::follow(&cell);
     let id = cell.run(&shared_load());
     for device in ["left", "right"] {
@@ -69,7 +75,11 @@ fn two_arms_carry_a_load_and_are_cancelled_as_one() {
 
 #[test]
 fn when_one_arm_is_lost_the_other_comes_to_rest() {
-    let cell = cell();
+    CELLS.into_iter().for_each(one_is_lost);
+}
+
+fn one_is_lost(config: &str) {
+    let cell = cell(config);
     let id = cell.run(&shared_load());
     await_way(&cell, id, 0.01);
     let dead = cell.kill(Role::Driver, "right");
