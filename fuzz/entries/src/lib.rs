@@ -9,6 +9,7 @@ pub mod cell;
 pub mod directionet;
 pub mod engine;
 pub mod fri;
+pub mod iiwa;
 pub mod incident;
 pub mod krc;
 pub mod modbus;
@@ -29,6 +30,7 @@ pub const TARGETS: &[Target] = &[
     ("cell", cell::run),
     ("directionet", directionet::run),
     ("fri", fri::run),
+    ("iiwa", iiwa::run),
     ("incident", incident::run),
     ("krc", krc::run),
     ("modbus", modbus::run),

@@ -58,6 +58,7 @@ replayed! {
     arbitrary_directionet_texts_are_accepted_or_refused_with_a_position: "directionet";
     arbitrary_requests_are_carried_out_or_refused: "requests";
     arbitrary_datagrams_move_nothing_beyond_its_limits: "fri";
+    arbitrary_messages_of_an_iiwa_are_refused_or_round_trip: "iiwa";
     arbitrary_incident_files_are_refused_or_replayed: "incident";
     arbitrary_answers_do_not_crash_the_simulators: "krc";
     arbitrary_servers_do_not_crash_the_modbus_driver: "modbus";
