@@ -230,7 +230,7 @@ impl Trees<'_> {
         if depth == 0 || self.below(3) == 0 {
             let [(a, x), (b, y), (c, z)] = [self.real(next.min(1)), self.real(0), self.real(0)];
             let (d, w) = self.real(0);
-            return (format!("[{a}, {b}, {c}, {d}]"), [x, y, z, w]);
+            return (format!("copy([{a}, {b}, {c}, {d}])"), [x, y, z, w]);
         }
         let (a, x) = self.array(next);
         if self.below(2) == 0 {
