@@ -208,7 +208,7 @@ def test_an_armed_condition_records_once_and_is_listed(cell):
     command.start()
     command.set({"level": 0.8})
     deadline = time.monotonic() + 60
-    while not (rule := cell.armed()[-1])["state"] == "fired":
+    while (rule := cell.armed()[-1])["state"] != "fired":
         assert time.monotonic() < deadline, rule
         time.sleep(0.05)
     assert (rule["rule"], rule["recorded"]["recordings"]) == (number, 1)
