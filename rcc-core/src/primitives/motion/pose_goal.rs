@@ -235,7 +235,8 @@ fn flange_motion(arm: &Arm, motion: &ArmMotion) -> (Quaternion, [AxisState; 6]) 
     };
     let [before, now, after] = [at(-HALF_S), here, at(HALF_S)].map(elements);
     let states = core::array::from_fn(|axis| {
-        let [before, now, after] = [before, now, after].map(|elements| elements[axis]);
+        let [before, now, after] =
+            [before, now, after].map(|elements| elements.get(axis).copied().unwrap_or(NULL_REAL));
         AxisState {
             position: now,
             velocity: (after - before) / (2.0 * HALF_S),
