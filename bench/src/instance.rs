@@ -29,6 +29,7 @@ pub fn cell() -> DeviceTable {
         let channel = |k| CellChannel {
             name: format!("{letter}{k}"),
             unit: Unit::ONE,
+            range: None,
         };
         (0..count).map(channel).collect::<Vec<_>>()
     };

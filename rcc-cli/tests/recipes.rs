@@ -60,3 +60,29 @@ fn every_recipe_does_what_the_page_says() {
         assert_eq!(report["reason"], *reason, "{name}: {simulated:?}");
     }
 }
+
+#[test]
+fn a_constant_beyond_the_range_of_its_analog_output_is_refused() {
+    let folder = rcc_testing::folder();
+    let check = |speed: &str| {
+        let file = folder.path().join("belt.yaml");
+        let text = format!(
+            "net: belt\nprimitives:\n  cancel: {{type: Cancel}}\n  end: {{type: Termination, inputs: {{done: cancel.requested}}}}\n  \
+             speed: {{type: Constant, parameters: {{value: {speed}}}}}\n  belt: {{type: AnalogOutput, parameters: {{device: io, \
+             channel: belt_speed}}, inputs: {{in: speed.out}}}}\n"
+        );
+        fs::write(&file, text).expect("written");
+        run(&["check", file.to_str().expect("UTF-8")])
+    };
+    let refused = check("1.5 m/s");
+    let text = String::from_utf8_lossy(&refused.stderr).into_owned()
+        + &String::from_utf8_lossy(&refused.stdout);
+    assert!(!refused.status.success(), "{refused:?}");
+    assert!(text.contains("RCC1302"), "{text}");
+    assert!(
+        text.contains("takes 0 m/s to 1 m/s, found 1.5 m/s"),
+        "{text}"
+    );
+    let accepted = check("1 m/s");
+    assert!(accepted.status.success(), "{accepted:?}");
+}

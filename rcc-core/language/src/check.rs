@@ -45,6 +45,7 @@ const CHECKS: &[Check] = &[
     types::units_of_a_primitive_agree,
     constants::parameters_are_in_range,
     constants::constants_are_in_range,
+    constants::outputs_are_commanded_in_range,
     motions::parameters_do_not_contradict,
     motions::joint_motions_have_a_goal,
     motions::turns_have_a_bit_for_each_joint,

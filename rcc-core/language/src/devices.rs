@@ -36,6 +36,8 @@ pub struct CellChannel {
     pub name: String,
     /// Unit of an analog channel; 1 for a digital one.
     pub unit: Unit,
+    /// Smallest and largest value of an analog channel, in SI units.
+    pub range: Option<[f64; 2]>,
 }
 
 impl CellDevice {
@@ -78,6 +80,7 @@ impl From<&CellConfig> for DeviceTable {
                 let channel = |channel: &rcc_config::ChannelConfig| CellChannel {
                     name: channel.name.clone(),
                     unit: channel.unit,
+                    range: channel.range,
                 };
                 channels.map(channel).collect()
             }),

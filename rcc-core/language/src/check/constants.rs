@@ -1,7 +1,9 @@
 //! Rules about the types, units and ranges of constants. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::{DefaultValue, Parameter, ParameterKind, PortType, Role, UnitRule};
+use rcc_core::primitive::{
+    ChannelKind, DefaultValue, Parameter, ParameterKind, PortType, Role, UnitRule,
+};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
@@ -193,6 +195,44 @@ pub fn constants_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>)
             let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
             diagnostics.push(diagnostic.help(format!("{name}: {}", port.doc)));
         }
+    }
+}
+
+/// Requires that a constant at an analog output is within the range of its channel: the driver would release the output
+/// (`on_release`) in every cycle.
+pub fn outputs_are_commanded_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    let items = net.graph.items.iter();
+    for item in items.filter(|item| item.spec().name == "AnalogOutput") {
+        let device = item
+            .device
+            .and_then(|index| net.graph.cell.devices.get(index));
+        let (Some(device), Some((index, unit)), Some(input)) =
+            (device, item.channel, item.inputs.first())
+        else {
+            continue;
+        };
+        let channels = device.channels_of(ChannelKind::AnalogOutput);
+        let channel = channels.get(index as usize);
+        let Some((name, [least, greatest])) =
+            channel.and_then(|channel| Some((&channel.name, channel.range?)))
+        else {
+            continue;
+        };
+        let Some(literal) = constant(net, input) else {
+            continue;
+        };
+        let Some(value) = literal.number().filter(|it| *it < least || *it > greatest) else {
+            continue;
+        };
+        let message = format!(
+            "`{}.in` is out of range: `{name}` of `{}` takes {least} {unit} to {greatest} {unit}, found {value} {unit}",
+            item.id(),
+            device.name
+        );
+        let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
+        diagnostics.push(diagnostic.help(
+            "a value outside the channel's range is refused by the driver, which then releases the output (`on_release`)",
+        ));
     }
 }
 
