@@ -58,8 +58,10 @@ impl RuleTexts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rcc_protocol::control::Answer;
     use rcc_protocol::control::RESPONSE_MAX;
     use rcc_protocol::control::{Refusal, SWITCH_MAX};
+    use rcc_protocol::rules::RULE_TEXT_MAX;
     use rcc_protocol::rules::{Limit, Relation, RuleRecording, RuleTerm};
     use rcc_protocol::wire;
 
