@@ -10,8 +10,9 @@ use std::process::{Child, Command, Stdio};
 use crate::processes::ends_with_test;
 use crate::unsupervised_cell::UnsupervisedCell;
 
-/// The call that is never made to fail: the kernel does not refuse a wake-up, and a lost one hangs any program.
-pub const NEVER_FAILS: &str = "futex";
+/// Calls that are never made to fail. futex: the kernel does not refuse a wake-up, and a lost one hangs any program. brk: it
+/// returns the end of the heap, unchanged if it cannot grow; the C library takes an injected error for an address.
+pub const NEVER_FAIL: [&str; 2] = ["futex", "brk"];
 
 /// Injected errors: those of a full, interrupted or broken system.
 pub const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];

@@ -233,7 +233,7 @@ fn a_condition_that_cannot_be_judged_is_refused_with_what_to_do() {
         ("hold.time.out", "compare it"),
         ("hold.state.hold > 1", "state.hold[0]"),
         ("hold.state.hold[7] > 1", "0 to 6"),
-        ("hold.cancel.requested > 1", "not cancel.requested"),
+        ("hold.cancel.requested > 1", "not hold.cancel.requested"),
     ] {
         let words = refused(condition);
         assert!(words.contains("RCC3051") && words.contains(help), "{words}");

@@ -37,26 +37,26 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&arguments.file)?;
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
+    let renamed = (name != prepared.config.name).then(|| SupervisorEvent {
+        at: std::time::Duration::ZERO,
+        who: format!("cell {name}"),
+        what: format!(
+            "named by --cell or RCC_CELL; {} names it {}",
+            arguments.file.display(),
+            prepared.config.name
+        ),
+    });
     let json = context.format == OutputFormat::Json;
     let printer = BackgroundPrinter::start();
-    if name != prepared.config.name {
-        let renamed = SupervisorEvent {
-            at: std::time::Duration::ZERO,
-            who: format!("cell {name}"),
-            what: format!(
-                "named by --cell or RCC_CELL; {} names it {}",
-                arguments.file.display(),
-                prepared.config.name
-            ),
-        };
-        print_event(&printer, &renamed, json);
-    }
     let event_printer = printer.clone();
     let mut supervisor = Supervisor::start(
         &name,
         prepared,
         Box::new(move |line| print_event(&event_printer, line, json)),
     )?;
+    if let Some(renamed) = renamed {
+        print_event(&printer, &renamed, json);
+    }
     let up = supervisor.wait_until_up(&interrupts);
     if up.is_ok() {
         let ready = SupervisorEvent {

@@ -50,11 +50,12 @@ pub fn resolve(
             primitive,
             port,
         } => {
+            let name = format!("{command}.{primitive}.{port}");
             let command = id_of(command)?;
             let (store, slot) = element_of(rule, &names(command), primitive, port)?;
             if store != Store::Bool {
-                let help = format!("compare it: `{primitive}.{port} > …`, `<`, `>=` or `<=`");
-                let message = format!("`{primitive}.{port}` is a number, not Bool");
+                let help = format!("compare it: `{name} > …`, `<`, `>=` or `<=`");
+                let message = format!("`{name}` is a number, not Bool");
                 return Err(bad(rule, &message, help));
             }
             RuleTerm::Value { command, slot }
@@ -66,6 +67,7 @@ pub fn resolve(
             relation,
             limit,
         } => {
+            let name = format!("{command}.{primitive}.{port}");
             let command = id_of(command)?;
             let (store, slot) = element_of(rule, &names(command), primitive, port)?;
             let limit = match store {
@@ -74,7 +76,7 @@ pub fn resolve(
                     Limit::Int(*limit as i64)
                 }
                 Store::Int => {
-                    let message = format!("`{primitive}.{port}` is Int, and {limit} is not");
+                    let message = format!("`{name}` is Int, and {limit} is not");
                     return Err(bad(
                         rule,
                         &message,
@@ -82,8 +84,8 @@ pub fn resolve(
                     ));
                 }
                 Store::Bool => {
-                    let message = format!("`{primitive}.{port}` is Bool, not a number");
-                    let help = format!("write `{primitive}.{port}` or `not {primitive}.{port}`");
+                    let message = format!("`{name}` is Bool, not a number");
+                    let help = format!("write `{name}` or `not {name}`");
                     return Err(bad(rule, &message, help));
                 }
             };

@@ -30,6 +30,12 @@ pub(super) fn insert(set: &mut RuleSet, slot: usize) {
     }
 }
 
+/// Returns true if a row is in a set.
+pub(super) fn contains(set: &RuleSet, slot: usize) -> bool {
+    let word = set.get(slot / 64).copied().unwrap_or(0);
+    word >> (slot % 64) & 1 == 1
+}
+
 /// All rows. Ended rules stay in it until their rows are needed.
 #[derive(Debug)]
 pub(super) struct RuleTable {

@@ -17,7 +17,7 @@ use super::Engine;
 use super::command_table::PendingTransition;
 use super::handover::{Handover, HandoverOutcome};
 use super::rule_checks::can_fire;
-use super::rule_table::{InstalledRule, RuleSet, disarmed, insert};
+use super::rule_table::{InstalledRule, RuleSet, contains, disarmed, insert};
 use crate::boards::DeviceBoards;
 use crate::queue::{EngineEvent, EngineReply};
 use crate::record::TriggerReason;
@@ -126,7 +126,7 @@ impl<B: DeviceBoards> Engine<B> {
         })
     }
 
-    /// Judges the conditions of all armed rules.
+    /// Judges the conditions of all armed rules. A recording has what was judged before the rules that end for it.
     pub(super) fn judge_rules(&mut self) {
         if self.rules.is_quiet() {
             return;
@@ -134,41 +134,47 @@ impl<B: DeviceBoards> Engine<B> {
         let recheck = std::mem::take(&mut self.rules.commands_changed);
         let (mut judged, mut held): (RuleSet, RuleSet) = Default::default();
         for slot in 0..RULES_MAX {
-            let Some(&InstalledRule {
-                rule, status, rows, ..
-            }) = self.rules.get(slot)
-            else {
-                continue;
-            };
-            if status.id == 0 || status.state != RuleState::Armed {
-                continue;
-            }
-            let Some(judgement) = self.judge_rule(&rule, &rows) else {
+            let Some(judgement) = self.judge_slot(slot) else {
                 continue;
             };
             insert(&mut judged, slot);
             if judgement.holds() {
                 insert(&mut held, slot);
             }
-            let may_expire = match rule.record {
-                Some(recording) => {
-                    self.record_by_rule(slot, &recording, judgement.holds());
-                    recheck
-                }
-                None if judgement.holds() => {
-                    self.make_due(slot);
-                    false
-                }
-                None => recheck,
-            };
-            if may_expire && let Some(refusal) = self.never_fires(slot, &rule, judgement) {
-                self.end_rule(slot, RuleState::Expired, Some(refusal));
-            }
         }
         if let Some(recorder) = &mut self.recorder {
             recorder.rules_judged(judged, held);
         }
+        for slot in (0..RULES_MAX).filter(|slot| contains(&judged, *slot)) {
+            self.act_on(slot, contains(&held, slot), recheck);
+        }
         self.record_next_rule();
+    }
+
+    /// Judges the condition of an armed rule.
+    fn judge_slot(&self, slot: usize) -> Option<Judgement> {
+        let installed = self.rules.get(slot)?;
+        let armed = installed.status.id != 0 && installed.status.state == RuleState::Armed;
+        armed.then(|| self.judge_rule(&installed.rule, &installed.rows))?
+    }
+
+    /// What follows from the judgement of an armed rule: it records or is due, or it expires if commands have changed so
+    /// that it can never fire.
+    fn act_on(&mut self, slot: usize, holds: bool, recheck: bool) {
+        let Some(&InstalledRule { rule, .. }) = self.rules.get(slot) else {
+            return;
+        };
+        match rule.record {
+            Some(recording) => self.record_by_rule(slot, &recording, holds),
+            None if holds => return self.make_due(slot),
+            None => {}
+        }
+        if recheck
+            && let Some(judgement) = self.judge_slot(slot)
+            && let Some(refusal) = self.never_fires(slot, &rule, judgement)
+        {
+            self.end_rule(slot, RuleState::Expired, Some(refusal));
+        }
     }
 
     fn make_due(&mut self, slot: usize) {
