@@ -218,7 +218,7 @@ class ErrorBody(TypedDict):
     help: NotRequired[str | None]
     """The remedy."""
     message: str
-    """What is wrong, and where."""
+    """The error and its location, for people."""
 
 
 class EventPage(TypedDict):
@@ -278,7 +278,7 @@ class ExampleView(TypedDict):
     rows: list[list[str]]
     """One row per cycle, with a constant below each name."""
     shows: str
-    """What the example shows."""
+    """Title of the example."""
 
 
 class ExecutorView(TypedDict):
@@ -356,7 +356,7 @@ class Finding(TypedDict):
     help: NotRequired[str | None]
     """The remedy."""
     message: str
-    """What is wrong."""
+    """The error or warning, for people."""
     place: NotRequired[Place | None]
     rendered: NotRequired[str]
     """For people: with a source snippet, without colour."""
@@ -754,9 +754,8 @@ class RuleBody(TypedDict):
     name: NotRequired[str | None]
     """Name for people; without it, the condition."""
     on_client_loss: NotRequired[OnClientLoss]
-    """What happens when the client is gone."""
+    """Behaviour when the client is gone."""
     record: NotRequired[RecordBody | None]
-    """Each time the condition becomes true, the last seconds of the flight recorder are written."""
     start: NotRequired[CommandList]
     """Ready commands that start."""
     stop: NotRequired[CommandList]
@@ -786,11 +785,9 @@ class RuleView(TypedDict):
     name: str
     """Its name."""
     on_client_loss: OnClientLoss
-    """What happens when the client is gone."""
+    """Behaviour when the client is gone."""
     record: NotRequired[RecordBody | None]
-    """When it records, if it does."""
     recorded: NotRequired[RecordedView | None]
-    """What it has recorded, if it records."""
     rule: int
     """Its number."""
     start: list[str]
