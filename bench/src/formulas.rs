@@ -1,26 +1,14 @@
 //! A net of 500 formulas and the same net of the primitives that they stand for. Any thread.
 
-/// Number of formulas, each of three operations.
-pub const FORMULAS: usize = 500;
+pub use rcc_testing::formulas::FORMULAS;
+use rcc_testing::formulas::chain;
 
 /// Returns the text of the net, of formulas or of their primitives.
 #[must_use]
 pub fn net_of(formulas: bool) -> String {
-    let mut text = String::from("net: formulas\nprimitives:\n  f0: {type: Time}\n");
-    for number in 1..=FORMULAS {
-        let before = format!("f{}.out", number - 1);
-        text.push_str(&match formulas {
-            true => format!(
-                "  f{number}: {{type: Formula, parameters: {{expr: 'clamp(({before} - 2 s) * 3, 0 s, 100 s)'}}}}\n"
-            ),
-            false => format!(
-                "  s{number}: {{type: Subtract, inputs: {{a: {before}, b: 2 s}}}}
-  m{number}: {{type: Multiply, inputs: {{a: s{number}.out, b: 3}}}}
-  f{number}: {{type: Limit, inputs: {{in: m{number}.out, low: 0 s, high: 100 s}}}}\n"
-            ),
-        });
-    }
-    text.push_str("  watch: {type: Monitor, inputs: {value: f500.out}}\n  over: {type: Greater, inputs: {a: f0.out, b: 9 s}}\n");
-    text.push_str("  end: {type: Termination, inputs: {done: over.out}}\n");
-    text
+    let chain = chain(formulas);
+    format!(
+        "net: formulas\nprimitives:\n{chain}  over: {{type: Greater, inputs: {{a: f0.out, b: 9 s}}}}\n  \
+         end: {{type: Termination, inputs: {{done: over.out}}}}\n"
+    )
 }

@@ -121,7 +121,7 @@ impl IiwaHarness {
             }
             2 => {
                 let length = bytes.int_in_range(0..=96)?;
-                // What is not taken is part of what is tried.
+                // Refused messages are tried too.
                 let _ = self
                     .cabinet
                     .receive(bytes.bytes(length.min(bytes.len()))?, 1e-4);
@@ -186,7 +186,7 @@ impl IiwaHarness {
             "{outputs:?}"
         );
         back(&mut answer);
-        // What is not taken is part of what is tried.
+        // Refused messages are tried too.
         let _ = self.cabinet.receive(&answer, 1e-4);
     }
 
@@ -219,7 +219,7 @@ impl IiwaHarness {
     }
 }
 
-/// What happens to a datagram on its way.
+/// A change of a datagram on its way.
 #[derive(Debug)]
 enum Change {
     Byte { at: u16, value: u8 },

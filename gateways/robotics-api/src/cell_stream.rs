@@ -16,7 +16,7 @@ use crate::values::to_library;
 /// How often the loader looks for states and values, Hz, unless the cell is slower: often enough for rules that the core
 /// does not judge.
 const RATE_MAX_HZ: f64 = 250.0;
-/// Pause before the stream is opened again. While there is none, the engine asks for what it needs.
+/// Pause before the stream is opened again. Without a stream the engine requests the values that it needs.
 const AGAIN_AFTER: Duration = Duration::from_millis(200);
 
 /// Why a stream ended.
@@ -61,7 +61,7 @@ fn read(gateway: &Gateway, loader: &mut CellClient) -> Result<(), StreamEnd> {
     {
         let mut state = gateway.state();
         state.is_streaming = true;
-        // What happened before is asked for, and numbers of the core's rules may be those of another executor.
+        // Earlier events are requested; ids of the core's rules may belong to another executor.
         state.devices_asked = None;
         state.nets.values_mut().for_each(|net| net.asked = None);
         state.rules.values_mut().for_each(|rule| rule.core = None);
@@ -221,13 +221,13 @@ mod tests {
         assert_eq!(value(&state), None, "not within a turn");
         state.take_fresh();
         assert_eq!(value(&state).as_deref(), Some("true"));
-        // What was read together is newer than what is told of an earlier cycle.
+        // A complete reading is newer than a message about an earlier cycle.
         note_values(&mut state, &told(7, &[99], &[false.into()]));
         state.take_fresh();
         assert_eq!(value(&state).as_deref(), Some("true"));
         note_values(&mut state, &told(7, &[111], &[serde_json::Value::Null]));
         state.take_fresh();
-        assert_eq!(value(&state), None, "null is no value");
+        assert_eq!(value(&state), None, "null has no value");
         assert!(
             !note_values(&mut state, &told(8, &[116], &[true.into()])),
             "another command"

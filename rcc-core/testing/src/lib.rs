@@ -2,6 +2,7 @@
 //! with the size of an input. Any thread.
 
 pub mod arms;
+pub mod formulas;
 pub mod random;
 pub mod work;
 

@@ -183,29 +183,10 @@ fn random_formulas_compute_what_their_trees_do() {
     assert!(compared >= 400, "{compared}");
 }
 
-/// 500 formulas, or the primitives that they stand for.
-fn five_hundred(formulas: bool) -> String {
-    let mut lines = String::from("  f0: {type: Time}\n");
-    for number in 1..=500 {
-        let before = format!("f{}.out", number - 1);
-        lines.push_str(&match formulas {
-            true => format!(
-                "  f{number}: {{type: Formula, parameters: {{expr: 'clamp(({before} - 2 s) * 3, 0 s, 100 s)'}}}}\n"
-            ),
-            false => format!(
-                "  s{number}: {{type: Subtract, inputs: {{a: {before}, b: 2 s}}}}
-  m{number}: {{type: Multiply, inputs: {{a: s{number}.out, b: 3}}}}
-  f{number}: {{type: Limit, inputs: {{in: m{number}.out, low: 0 s, high: 100 s}}}}\n"
-            ),
-        });
-    }
-    lines.push_str("  watch: {type: Monitor, inputs: {value: f500.out}}\n");
-    net(&lines)
-}
-
 #[test]
 fn five_hundred_formulas_are_the_plan_of_their_primitives_so_they_run_as_fast() {
-    let [formulas, primitives] = [true, false].map(|formulas| compiled(&five_hundred(formulas)));
+    let [formulas, primitives] =
+        [true, false].map(|formulas| compiled(&net(&rcc_testing::formulas::chain(formulas))));
     // Kernel and number of primitives of each run, in order of evaluation: the work of a cycle.
     let work = |compiled: &Compiled| {
         let runs = compiled.plan.runs.iter();

@@ -8,7 +8,7 @@
 //! A leg with `wait` does not begin before its condition is true. A leg with `until` ends when its condition is true: the
 //! arm comes to rest on the path, and the next leg begins there.
 
-use super::path_motion::{self, Ports};
+use super::path_motion::{self, ports_of};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::leg_row::{self, LegRow};
 use crate::path::{LEGS_MAX, Leg, LegSignals, MotionFault, MotionState, PathRequest, PathSegment};
@@ -129,21 +129,7 @@ impl Step for MotionSequence {
             begin: conditions.wait.is_none() || wait == 1,
             end: until == 1,
         };
-        let ports = Ports {
-            stop: self.stop,
-            pause: self.pause,
-            speed: self.speed,
-            joints: self.joints,
-            width: self.width,
-            pose: self.flange_pose,
-            done: self.done,
-            progress: self.progress,
-            distance: self.distance,
-            flange_speed: self.flange_speed,
-            acceleration: self.flange_acceleration,
-            leg: self.leg,
-        };
-        let state = ports.step_leg(frame, self.motion, signals)?;
+        let state = ports_of!(self).step_leg(frame, self.motion, signals)?;
         let due = |index: Option<u32>, value: u8| index.is_some() && value == NULL_BOOL;
         let unknown = match signals.begin {
             true => due(conditions.until, until),

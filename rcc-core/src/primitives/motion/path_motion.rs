@@ -147,26 +147,34 @@ macro_rules! motion_operands {
 
         impl $crate::primitive::Step for $name {
             fn step(self, frame: &mut $crate::frame::Frame<'_>) -> Option<()> {
-                let ports = $crate::primitives::motion::path_motion::Ports {
-                    stop: self.stop,
-                    pause: self.pause,
-                    speed: self.speed,
-                    joints: self.joints,
-                    width: self.width,
-                    pose: self.flange_pose,
-                    done: self.done,
-                    progress: self.progress,
-                    distance: self.distance,
-                    flange_speed: self.flange_speed,
-                    acceleration: self.flange_acceleration,
-                    leg: self.leg,
-                };
+                let ports = $crate::primitives::motion::path_motion::ports_of!(self);
                 ports.step(frame, self.motion)
             }
         }
     };
 }
 pub(super) use motion_operands;
+
+/// The [`Ports`] among the operands of a motion, whose structs have these fields in common and no trait.
+macro_rules! ports_of {
+    ($motion:expr) => {
+        $crate::primitives::motion::path_motion::Ports {
+            stop: $motion.stop,
+            pause: $motion.pause,
+            speed: $motion.speed,
+            joints: $motion.joints,
+            width: $motion.width,
+            pose: $motion.flange_pose,
+            done: $motion.done,
+            progress: $motion.progress,
+            distance: $motion.distance,
+            flange_speed: $motion.flange_speed,
+            acceleration: $motion.flange_acceleration,
+            leg: $motion.leg,
+        }
+    };
+}
+pub(super) use ports_of;
 
 /// The ports of every motion.
 pub(super) struct Ports {
