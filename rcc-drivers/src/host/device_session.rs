@@ -97,6 +97,8 @@ pub struct DeviceSession {
     /// The set-point whose digital and analog outputs are in effect.
     outputs: SetPoint,
     output_release: OutputRelease,
+    /// Newest cycle whose commands to outputs that hold have been applied.
+    held_until: u64,
     impedance_ramp: ImpedanceRamp,
     /// Period of the device in the last exchange, s.
     period_s: f64,
@@ -145,6 +147,7 @@ impl DeviceSession {
                 ..Measurement::zeroed()
             },
             output_release,
+            held_until: 0,
             impedance_ramp: ImpedanceRamp::new(limits.impedance, limits.joints.joints),
             period_s: 1e-3,
             startable: false,
@@ -176,6 +179,7 @@ impl DeviceSession {
         }
         if change.appeared {
             self.feed.refused_owner = 0;
+            self.held_until = self.feed.buffer.newest();
             self.refuse_newest_owner(reason::ALREADY_COMMANDED);
         }
     }
@@ -195,6 +199,10 @@ impl DeviceSession {
     /// the measurement still belongs to the previous exchange, unless the device is no longer commandable.
     pub fn begin_exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         self.last_exchange_ns = now_ns;
+        if matches!(self.phase, SessionPhase::Offline) {
+            // Commands to a lost device never take effect later.
+            self.held_until = self.feed.buffer.newest();
+        }
         self.offline_after_ns = self
             .settings
             .command_timeout_ns
@@ -224,6 +232,7 @@ impl DeviceSession {
             _ => None,
         };
         let impedance = self.impedance_ramp.next(exchange.strategy, commanded, dt_s);
+        self.hold_passed();
         let outputs = Outputs {
             position: self.position,
             impedance,
@@ -301,6 +310,12 @@ impl DeviceSession {
         self.output_release.out_of_range()
     }
 
+    /// Returns the analog outputs that are commanded, SI; NaN where none is.
+    #[must_use]
+    pub fn commanded_analog(&self) -> &[f64] {
+        &self.outputs.analog
+    }
+
     /// Computes the position and the outputs of this exchange.
     fn play(&mut self, exchange: &Exchange) {
         match self.phase {
@@ -317,6 +332,22 @@ impl DeviceSession {
             let newest = newest.filter(|_| self.shutdown == Shutdown::NotRequested);
             self.outputs = newest.copied().unwrap_or(SetPoint::NONE);
         }
+    }
+
+    /// Applies to the outputs that hold what the cycles since the last exchange command: those that are not played
+    /// themselves, since the device is slower than the executor or late, would be lost otherwise.
+    fn hold_passed(&mut self) {
+        let played = match self.phase {
+            SessionPhase::Following(_) => self.played.cycle,
+            SessionPhase::Waiting { .. } => return,
+            _ if self.shutdown != Shutdown::NotRequested || !self.feed.is_live() => return,
+            _ => self.feed.buffer.newest(),
+        };
+        let first = self.feed.buffer.oldest().max(self.held_until + 1);
+        for entry in (first..played).filter_map(|cycle| self.feed.buffer.at(cycle)) {
+            self.output_release.hold(entry);
+        }
+        self.held_until = self.held_until.max(played);
     }
 
     /// Refuses the owner of the newest set-point and marks all present set-points as checked.

@@ -78,6 +78,24 @@ impl OutputRelease {
         &self.values
     }
 
+    /// Applies the commands of `entry` to the outputs that hold their value, for a cycle that is not exchanged itself.
+    pub fn hold(&mut self, entry: &SetPoint) {
+        for (rule, index) in self.digital.iter().zip(0..) {
+            let bit = 1_u64 << index;
+            if rule.on_release == OnRelease::Hold && entry.digital_commanded & bit != 0 {
+                self.values.digital_set |= bit;
+                self.values.digital = (self.values.digital & !bit) | (entry.digital & bit);
+            }
+        }
+        let places = self.values.analog.iter_mut().zip(entry.analog);
+        for (rule, (place, commanded)) in self.analog.iter().zip(places) {
+            let [lower, upper] = rule.range.unwrap_or([f64::MIN, f64::MAX]);
+            if rule.on_release == OnRelease::Hold && commanded >= lower && commanded <= upper {
+                *place = commanded;
+            }
+        }
+    }
+
     /// Returns the present outputs.
     #[must_use]
     pub fn values(&self) -> &Outputs {

@@ -62,6 +62,60 @@ fn outputs_are_those_of_the_newest_cycle_when_the_joints_are_not_commanded() {
     assert_eq!(fixture.session.state(), DeviceState::Ready);
 }
 
+/// A station with the output `keeps`, which holds, and `safe`, which does not.
+fn station() -> SessionFixture {
+    use rcc_config::OnRelease::{Hold, Safe};
+    use rcc_core::primitive::ChannelKind::DigitalOutput;
+    let channels = [
+        ("keeps", DigitalOutput, 0.into(), Some(Hold), None),
+        ("safe", DigitalOutput, 1.into(), Some(Safe(0.0)), None),
+    ];
+    let device = crate::conformance::device("none", serde_json::json!({}), &channels);
+    let mut fixture = SessionFixture::new();
+    fixture.session.output_release = OutputRelease::new(&device);
+    fixture
+}
+
+/// Both outputs are commanded to be on.
+const BOTH_ON: SetPoint = SetPoint {
+    digital: 0b11,
+    digital_commanded: 0b11,
+    ..SetPoint::NONE
+};
+
+/// Digital outputs that are on, and those that have a value.
+fn digital(fixture: &SessionFixture) -> (u64, u64) {
+    let values = fixture.session.output_release.values();
+    (values.digital, values.digital_set)
+}
+
+#[test]
+fn a_command_between_two_exchanges_stays_with_the_outputs_that_hold() {
+    let mut fixture = station();
+    assert_eq!(digital(&fixture), (0b00, 0b10));
+    fixture.write(BOTH_ON);
+    fixture.write(SetPoint::NONE);
+    fixture.both(SetPoint::NONE);
+    assert_eq!(digital(&fixture), (0b01, 0b11));
+    let off = SetPoint {
+        digital: 0,
+        ..BOTH_ON
+    };
+    fixture.write(BOTH_ON);
+    fixture.write(off);
+    fixture.both(SetPoint::NONE);
+    assert_eq!(digital(&fixture), (0b00, 0b11));
+}
+
+#[test]
+fn a_command_while_the_device_was_lost_has_no_effect_later() {
+    let mut fixture = station();
+    fixture.session.handle_link_error(fixture.now_ns, Some(1));
+    fixture.write(BOTH_ON);
+    fixture.both(SetPoint::NONE);
+    assert_eq!(digital(&fixture), (0b00, 0b10));
+}
+
 #[test]
 fn outputs_do_not_change_while_set_points_wait() {
     let mut fixture = SessionFixture::new();
