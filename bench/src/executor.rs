@@ -150,6 +150,7 @@ impl BenchExecutor {
         let (rt, ends) = rings();
         let config = EngineConfig {
             incarnation: session.incarnation(),
+            first_id: 1,
             period_ns: devices.period_ns,
             stale_after_ns: 50_000_000,
             late_in_a_row_max: 0,

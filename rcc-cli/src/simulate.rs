@@ -109,6 +109,7 @@ impl VirtualCell {
         let period_ns = config.period_ns;
         let engine = EngineConfig {
             incarnation: 1,
+            first_id: 1,
             period_ns,
             stale_after_ns: config.stale_after_ns.max(2 * period_ns),
             late_in_a_row_max: 0,

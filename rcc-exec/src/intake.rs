@@ -22,11 +22,13 @@ use rcc_protocol::control::{
     SWITCH_MAX, installs,
 };
 use rcc_protocol::rehearsal::RehearsalReport;
+use rcc_protocol::rules::RULES_PER_REQUEST;
 use rcc_protocol::{Announcement, wire};
 use rtrb::{Consumer, Producer};
 use tracing::warn;
 
 use crate::boards::{EngineReply, EngineRequest};
+use crate::ids::IdBlocks;
 use crate::incidents::{self, RecordingResults};
 use crate::net_builder::{BuildContext, BuildRequest, BuildSource, NetBuilderThread};
 use crate::rule_texts::RuleTexts;
@@ -85,6 +87,7 @@ pub struct Intake {
     /// Calls that name a command in `building`, in order of arrival.
     deferred: VecDeque<(Call, Request)>,
     rule_texts: RuleTexts,
+    ids: IdBlocks,
     next_ticket: u64,
     error_log: LogThrottle,
     incident_writer: Option<Sender<incidents::PreparedNet>>,
@@ -111,6 +114,8 @@ pub struct IntakeConfig {
     pub status: BoardReader<CycleStatus>,
     /// This executor's announcement; a driver that announces another configuration is not attached.
     pub announcement: Announcement,
+    /// The ids that this executor may give.
+    pub ids: IdBlocks,
 }
 
 impl Intake {
@@ -144,6 +149,7 @@ impl Intake {
             building: HashMap::new(),
             deferred: VecDeque::new(),
             rule_texts: RuleTexts::default(),
+            ids: config.ids,
             next_ticket: 1,
             error_log: LogThrottle::default(),
             incident_writer: None,
@@ -399,6 +405,9 @@ impl Intake {
 
     /// Takes the action of a confirmed request, and returns the answer for the caller.
     fn finish_answer(&mut self, answer: Answer, mut on_done: OnDone) -> Answer {
+        if let Answer::Reserved { id } | Answer::RulesInstalled { first: id, .. } = answer {
+            self.ids.cover(id.saturating_add(RULES_PER_REQUEST as u64));
+        }
         self.note_rules(&answer, &mut on_done);
         let Answer::Done { cycle } = answer else {
             return answer;

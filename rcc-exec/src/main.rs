@@ -26,6 +26,7 @@ use rcc_engine::queue::{HelperRingEnds, RtRingEnds, rings};
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
 use rcc_exec::boards::{Engine, SharedMemory};
 use rcc_exec::clock::{Clock, FollowedDevice};
+use rcc_exec::ids::IdBlocks;
 use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
 use rcc_exec::intake::{Intake, IntakeConfig};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
@@ -103,9 +104,11 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
             .fold(announcement, |announcement, (device, board)| {
                 announcement.service(&command_board(&device.name), board.service())
             });
+    let (ids, first_id) = IdBlocks::claim(&cell)?;
     lock_memory(&mut grants);
     let engine_config = EngineConfig {
         incarnation: session.incarnation(),
+        first_id,
         period_ns: config.period_ns,
         stale_after_ns: config.stale_after_ns,
         late_in_a_row_max: config.executor.late_in_a_row_max,
@@ -126,6 +129,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
         helpers: helpers.clone(),
         status: session.open_board(boards.status.service())?,
         announcement: announcement.clone(),
+        ids,
     };
     let HelperRingEnds {
         requests,

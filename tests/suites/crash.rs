@@ -139,6 +139,34 @@ fn without_the_executor_the_driver_brings_the_arm_to_rest_and_nothing_moves_by_i
 }
 
 #[test]
+fn ids_of_a_dead_executor_are_never_given_again() {
+    let cell = TestCell::demo();
+    let lease = |cell: &TestCell| {
+        let lease = cell.rest("POST", "/leases", r#"{"expires_ms": 60000}"#);
+        lease.body["lease"].as_u64().expect("a lease")
+    };
+    let (old, old_lease) = (cell.load(&nets::lamp("old")), lease(&cell));
+    let dead = cell.kill(Role::Executor, "exec");
+    cell.await_successor(Role::Executor, "exec", dead);
+    cell.await_devices();
+
+    // A client that knows nothing of the restart must not start what another one has loaded since.
+    let (new, new_lease) = (cell.load(&nets::line("new", 0.1, 0.1)), lease(&cell));
+    assert!(new > old && new_lease > old_lease, "{new} {new_lease}");
+    let requests = [
+        format!("/commands/{old}/start"),
+        format!("/commands/{old}/cancel"),
+        format!("/leases/{old_lease}/renew"),
+    ];
+    for request in requests {
+        let answer = cell.rest("POST", &request, "");
+        assert!((400..500).contains(&answer.status), "{request}: {answer:?}");
+    }
+    assert_eq!(cell.state(new)["state"], "ready");
+    cell.stop();
+}
+
+#[test]
 fn outputs_take_their_safe_value_when_the_executor_dies() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");

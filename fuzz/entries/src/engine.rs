@@ -69,6 +69,7 @@ impl EngineHarness {
         let checker = SetPointChecker::new(models[0].limits, 0.0);
         let config = EngineConfig {
             incarnation: 7,
+            first_id: 1,
             period_ns: PERIOD_NS,
             stale_after_ns: 50 * PERIOD_NS,
             late_in_a_row_max: 3,

@@ -61,6 +61,9 @@ pub const SETTLE_MAX_NS: u64 = 1_000_000_000;
 pub struct EngineConfig {
     /// Incarnation of this executor.
     pub incarnation: u64,
+    /// Id of the first command, of the first rule and of the first lease: larger than any that an earlier executor of the
+    /// cell gave.
+    pub first_id: u64,
     /// Base period, ns.
     pub period_ns: u64,
     /// Age at which a board counts as stale and its device as lost, ns.
@@ -130,11 +133,11 @@ impl<B: DeviceBoards> Engine<B> {
             commands: CommandTable::new(),
             topics: PublishedTopics::new(),
             handover: None,
-            rules: RuleTable::new(),
-            leases: Box::new(LeaseTable::new()),
+            rules: RuleTable::new(config.first_id),
+            leases: Box::new(LeaseTable::new(config.first_id)),
             status,
             tables_changed: true,
-            next_id: 1,
+            next_id: config.first_id,
             next_engagement: 1,
             next_record: 1,
             time: CycleTimer::new(config.period_ns),

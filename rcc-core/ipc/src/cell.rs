@@ -259,6 +259,12 @@ impl Cell {
         Path::new(SHM).join(format!("{}iox", self.prefix))
     }
 
+    /// Returns the path of the file with a number that no id of a command, rule or lease has reached.
+    #[must_use]
+    pub fn next_id_file(&self) -> PathBuf {
+        self.runtime_dir.join("next-id")
+    }
+
     /// Returns the path of the copy of the configuration that this cell was started with.
     #[must_use]
     pub fn config_copy(&self) -> PathBuf {

@@ -370,6 +370,7 @@ mod tests {
         let (rt, mut rings) = rings();
         let config = EngineConfig {
             incarnation: 1,
+            first_id: 1,
             period_ns: 1_000_000,
             stale_after_ns: 50_000_000,
             late_in_a_row_max: 3,

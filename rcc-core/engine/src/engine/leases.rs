@@ -28,7 +28,7 @@ pub(super) struct LeaseTable {
 }
 
 impl LeaseTable {
-    pub(super) fn new() -> LeaseTable {
+    pub(super) fn new(first_id: u64) -> LeaseTable {
         let none = Lease {
             id: 0,
             expires_ns: 0,
@@ -36,7 +36,7 @@ impl LeaseTable {
         };
         LeaseTable {
             leases: [none; LEASES_MAX],
-            next_id: 1,
+            next_id: first_id,
             count: 0,
         }
     }

@@ -48,7 +48,7 @@ pub(super) struct RuleTable {
 }
 
 impl RuleTable {
-    pub(super) fn new() -> Box<RuleTable> {
+    pub(super) fn new(first_id: u64) -> Box<RuleTable> {
         let none = InstalledRule {
             rule: Rule::EMPTY,
             status: RuleStatus::NONE,
@@ -59,7 +59,7 @@ impl RuleTable {
         Box::new(RuleTable {
             rules: [none; RULES_MAX],
             pending: 0,
-            next_id: 1,
+            next_id: first_id,
             commands_changed: false,
         })
     }

@@ -112,6 +112,7 @@ impl EngineFixture {
         let (rt, ends) = rings();
         let config = EngineConfig {
             incarnation: 7,
+            first_id: 1,
             period_ns,
             stale_after_ns: (3 * period_ns).max(50_000_000),
             late_in_a_row_max: 3,
