@@ -124,6 +124,14 @@ pub fn brief(client: &LoaderClient, name: &str) -> Result<CommandView, Failure> 
     client.get(&format!("/commands/{}?brief=true", segment(name)))
 }
 
+/// Returns one command as [`brief`] does, or how it had ended when it was unloaded.
+///
+/// # Errors
+/// Fails if the loader cannot be reached, or if the command does not exist and is none of the last that were unloaded.
+pub fn even_unloaded(client: &LoaderClient, id: &str) -> Result<CommandView, Failure> {
+    client.get(&format!("/commands/{}?unloaded=true", segment(id)))
+}
+
 /// Returns one command with its text and names.
 ///
 /// # Errors
@@ -183,12 +191,12 @@ impl CommandPoll {
         }
     }
 
-    /// Returns the state of the command; `None` while the loader is being restarted.
+    /// Returns the state of the command, also after somebody unloaded it; `None` while the loader is being restarted.
     ///
     /// # Errors
-    /// Fails if the loader stays away, or if the command does not exist any more.
+    /// Fails if the loader stays away, or if the command was unloaded before it had run.
     pub fn state(&mut self, client: &LoaderClient) -> Result<Option<CommandView>, Failure> {
-        match brief(client, &self.id) {
+        match even_unloaded(client, &self.id) {
             Err(failure)
                 if failure.exit == exit::UNREACHABLE
                     && self.answered.elapsed() < LOADER_RESTART_TIMEOUT =>

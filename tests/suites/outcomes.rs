@@ -58,6 +58,7 @@ fn run_succeeds_only_if_its_net_finishes() {
             let run = begin(&cell, &["--output", format, "run", clock]);
             let watch_id = await_running(&cell, "clock");
             let watch = begin(&cell, &["watch", &watch_id.to_string()]);
+            let wait = begin(&cell, &["wait", &watch_id.to_string()]);
             match what {
                 "interrupt" => assert!(signal(run.id(), Signal::SIGINT)),
                 what => cell.done(watch_id, what),
@@ -65,12 +66,13 @@ fn run_succeeds_only_if_its_net_finishes() {
             let (code, words) = end(run);
             assert_eq!(code, Some(exit), "{what}, {format}: {words}");
             assert!(words.contains(word), "{what}, {format}: {words}");
-            // The watcher sees the end, or finds that the net is unloaded already; neither is a success.
-            let (code, words) = end(watch);
-            assert!(
-                code.is_some_and(|code| code != 0),
-                "{what}: {code:?} {words}"
-            );
+            // Others are told how it ended, although `run` has unloaded it.
+            for follower in [watch, wait] {
+                let (code, words) = end(follower);
+                let of_net = if what == "abort" { 1 } else { 8 };
+                assert_eq!(code, Some(of_net), "{what}: {words}");
+                assert!(words.contains(word), "{what}: {words}");
+            }
         }
     }
     let short =

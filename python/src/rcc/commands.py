@@ -405,6 +405,9 @@ class AsyncCommand:
         """STATE: everything that is known about it, but its text."""
         return cast(api.CommandView, await self._do("GET", params={"brief": "true"}))
 
+    async def _state_even_unloaded(self) -> api.CommandView:
+        return cast(api.CommandView, await self._do("GET", params={"unloaded": "true"}))
+
     async def start(self, *, on_client_loss: OnClientLoss = "go on") -> int:
         """START; returns the first cycle. A program that is killed leaves what `on_client_loss` says."""
         cycle = await self._cell._begin(f"/commands/{self.id}/start", {}, on_client_loss)
@@ -494,7 +497,7 @@ class AsyncCommand:
 
     async def _until(self, holds: Any, timeout: float | None = None) -> api.CommandView:
         async def follow() -> api.CommandView:
-            view = await self.state()
+            view = await self._state_even_unloaded()
             if holds(view["state"]):
                 return view
             # The stream begins with the state of now: nothing is missed in between, but that it is unloaded then.
@@ -505,8 +508,8 @@ class AsyncCommand:
                     if (is_own and (holds(data["state"]) or data["state"] == GONE)) or (
                         not is_own and time.monotonic() - asked > ASK_AGAIN_S
                     ):
-                        # Raises that it is not there, if somebody unloaded it.
-                        view, asked = await self.state(), time.monotonic()
+                        # Raises that it is not there, if somebody unloaded it before it had ended.
+                        view, asked = await self._state_even_unloaded(), time.monotonic()
                         if holds(view["state"]):
                             return view
             raise errors.RccError("", "the cell ended its stream of states", "look at `rcc-cli status`")

@@ -38,7 +38,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     // From now on these commands are meant, whatever is loaded under their names.
     let named = arguments.names.iter();
-    let commands = named.map(|name| follow::brief(&client, name));
+    let commands = named.map(|name| follow::even_unloaded(&client, name));
     let commands: Vec<CommandView> = commands.collect::<Result<_, Failure>>()?;
     let started = Instant::now();
     let mut result = Ok(());

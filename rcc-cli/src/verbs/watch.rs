@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use rcc_api::bodies::ValuesView;
+use rcc_api::bodies::{CommandView, ValuesView};
 use rcc_api::codes::{self, RequestedEnd, exit};
 
 use super::state::shown;
@@ -64,7 +64,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         },
         rows: 0,
     };
-    let mut values = client.values(&arguments.net, &arguments.ports)?;
+    let mut values = match sample(&client, &arguments.net, &arguments.ports)? {
+        Sample::Values(values) => values,
+        Sample::Unloaded(command) => return screen.report_end(&command),
+    };
     // From now on this command is watched, whatever is loaded under its name.
     let id = values.id.to_string();
     let every = Duration::from_secs_f64(1.0 / arguments.rate);
@@ -72,14 +75,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut samples = 0;
     let mut last = None;
     loop {
-        let sample = (values.cycle, values.state.clone());
-        if last.as_ref() != Some(&sample) {
+        let now = (values.cycle, values.state.clone());
+        if last.as_ref() != Some(&now) {
             screen.show(&values);
-            last = Some(sample);
+            last = Some(now);
             samples += 1;
         }
         if values.state == "terminated" {
-            return screen.report_end(&client, &id);
+            return screen.report_end(&follow::even_unloaded(&client, &id)?);
         }
         if arguments.count.is_some_and(|count| samples >= count) {
             return Ok(());
@@ -92,8 +95,27 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             let left = next.saturating_duration_since(Instant::now());
             std::thread::sleep(left.min(follow::POLL_INTERVAL));
         }
-        values = client.values(&id, &arguments.ports)?;
+        values = match sample(&client, &id, &arguments.ports)? {
+            Sample::Values(values) => values,
+            Sample::Unloaded(command) => return screen.report_end(&command),
+        };
     }
+}
+
+enum Sample {
+    Values(ValuesView),
+    /// The net has ended, and somebody unloaded it.
+    Unloaded(Box<CommandView>),
+}
+
+fn sample(client: &LoaderClient, net: &str, ports: &[String]) -> Result<Sample, Failure> {
+    client
+        .values(net, ports)
+        .map(Sample::Values)
+        .or_else(|failure| match follow::even_unloaded(client, net) {
+            Ok(command) if follow::is_over(&command) => Ok(Sample::Unloaded(Box::new(command))),
+            _ => Err(failure),
+        })
 }
 
 struct Screen {
@@ -124,15 +146,14 @@ impl Screen {
     }
 
     /// Reports how the net ended, as text and as the exit code. In JSON, the last line has the state `terminated`.
-    fn report_end(&self, client: &LoaderClient, id: &str) -> Result<(), Failure> {
-        let command = follow::brief(client, id)?;
+    fn report_end(&self, command: &CommandView) -> Result<(), Failure> {
         if matches!(self.format, OutputFormat::Human) {
             print_line(&format!(
                 "{}  {}",
-                follow::title(&command),
-                follow::state_text(&command)
+                follow::title(command),
+                follow::state_text(command)
             ));
         }
-        follow::exit_result(&command, RequestedEnd::Finish)
+        follow::exit_result(command, RequestedEnd::Finish)
     }
 }

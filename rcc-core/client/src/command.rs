@@ -160,14 +160,14 @@ impl<'a> Command<'a> {
         Ok(())
     }
 
-    /// Waits until it has ended, at most for `timeout`.
+    /// Waits until it has ended, at most for `timeout`; also if somebody unloads it then.
     ///
     /// # Errors
-    /// Fails if the loader does not answer, or with [`ClientError::Timeout`].
+    /// Fails if the loader does not answer, if it was unloaded before it had run, or with [`ClientError::Timeout`].
     pub fn wait(&self, timeout: Option<Duration>) -> Result<Outcome, ClientError> {
         let begun = Instant::now();
         loop {
-            let view = self.state()?;
+            let view: CommandView = self.cell.client.get(&self.path("?unloaded=true"))?;
             if matches!(view.state.as_str(), "terminated" | "rejected") {
                 return Ok(Outcome {
                     net: view.net,

@@ -209,19 +209,25 @@ struct DetailQuery {
     /// Without text and names.
     #[serde(default)]
     brief: bool,
+    /// Also a command that was unloaded.
+    #[serde(default)]
+    unloaded: bool,
 }
 
 /// STATE: one command, by id or by the net's name (then the newest of that name).
 #[utoipa::path(get, path = "/commands/{name}", operation_id = "getCommand", tag = "commands",
     params(("name" = String, Path, description = "id or name"),
-        ("brief" = Option<bool>, Query, description = "without `text` and `names`, which are long")),
+        ("brief" = Option<bool>, Query, description = "without `text` and `names`, which are long"),
+        ("unloaded" = Option<bool>, Query,
+            description = "also one of the last 256 that had ended when they were unloaded, by its id; implies `brief`")),
     responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody)))]
 async fn detail(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-    Query(DetailQuery { brief }): Query<DetailQuery>,
+    Query(DetailQuery { brief, unloaded }): Query<DetailQuery>,
 ) -> Result<Response, ErrorResponse> {
     match brief {
+        _ if unloaded => answering(state, move |service| service.detail_or_unloaded(&name)).await,
         true => answering(state, move |service| service.detail(&name, false)).await,
         false => reading(state, move |service| service.detail(&name, true)).await,
     }

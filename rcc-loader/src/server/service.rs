@@ -45,6 +45,7 @@ mod status;
 mod stream;
 mod timing;
 mod topics;
+mod unloaded;
 mod values;
 
 /// The loader of one cell.
@@ -71,6 +72,7 @@ pub struct Service {
     reported_executor: RwLock<Option<(u32, u64)>>,
     event_log: events::SharedEventLog,
     history: history::History,
+    unloaded: unloaded::UnloadedCommands,
     /// Incarnation of the executor, and its commands.
     store: RwLock<Option<(u64, Arc<CommandStore>)>>,
 }
@@ -150,6 +152,7 @@ impl Service {
             reported_executor: RwLock::new(None),
             event_log: events::SharedEventLog::default(),
             history: history::History::default(),
+            unloaded: unloaded::UnloadedCommands::default(),
             store: RwLock::new(None),
         }
     }
@@ -286,6 +289,27 @@ impl Service {
         })
     }
 
+    /// Returns a command as [`Service::detail`] does in brief, or as it was when it was unloaded, if it had ended and is
+    /// one of the last; the latter by its id alone.
+    ///
+    /// # Errors
+    /// Returns an error if there is no executor or no such command.
+    pub fn detail_or_unloaded(&self, name: &str) -> Result<DetailedCommand, ApiError> {
+        self.detail(name, false).or_else(|error| {
+            let unloaded = match CommandAddress::read(name) {
+                Some(CommandAddress::Id(id)) => self.unloaded.find(id),
+                _ => None,
+            };
+            unloaded
+                .map(|command| DetailedCommand {
+                    command,
+                    text: String::new(),
+                    names: None,
+                })
+                .ok_or(error)
+        })
+    }
+
     /// Carries out START, CANCEL, ABORT or UNLOAD.
     ///
     /// # Errors
@@ -318,6 +342,11 @@ impl Service {
         };
         let id = self.resolve(tables, &store, name, |state| operation.suits(state))?;
         let net = self.net(&store, id);
+        let ended = || {
+            let row = attached.tables().command(id).copied()?;
+            (row.reason != EndReason::None as u32).then(|| self.view(&store, &row))
+        };
+        let ended = (operation == Operation::Unload).then(ended).flatten();
         done("name");
         let answer = self.executor.call_for(caller, &operation.call(id))?;
         done("executor");
@@ -325,6 +354,7 @@ impl Service {
             Answer::Done { cycle } | Answer::Rehearsed { cycle, .. } => {
                 if operation == Operation::Unload {
                     store.remove(id);
+                    ended.into_iter().for_each(|ended| self.unloaded.add(ended));
                 }
                 Ok(Done { id, net, cycle })
             }
