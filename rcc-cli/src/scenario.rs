@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use rcc_api::bodies::Finding;
 use rcc_api::codes::{self, RequestedEnd, exit};
 use rcc_api::compile::compile;
 use rcc_api::messages::NameResolver;
@@ -72,6 +73,48 @@ pub struct SimulationScenario {
     pub load: Vec<String>,
 }
 
+/// The devices for which a file is judged without a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DevicesOf {
+    /// Those of the configuration that the user named.
+    Given,
+    /// Those of the demo cell, because the user named none.
+    Demo,
+}
+
+impl DevicesOf {
+    /// Returns whose devices the option `--config` means.
+    #[must_use]
+    pub fn option(config: Option<&Path>) -> DevicesOf {
+        config.map_or(DevicesOf::Demo, |_| DevicesOf::Given)
+    }
+
+    /// Tells the user for which cell was judged, if a device is unknown that another cell may have.
+    pub fn note(self, findings: &[Finding]) {
+        let unknown = [
+            rcc_language::codes::UNKNOWN_DEVICE,
+            rcc_language::codes::UNKNOWN_CHANNEL,
+        ];
+        let is_unknown = |finding: &Finding| unknown.contains(&finding.code.as_str());
+        if self == DevicesOf::Demo && findings.iter().any(is_unknown) {
+            print_note(
+                "judged for the devices of the demo cell: name the configuration of another cell with --config FILE",
+            );
+        }
+    }
+}
+
+/// Returns the configuration that the user named, or that of the demo cell.
+///
+/// # Errors
+/// Fails if the demo cell's configuration cannot be found.
+pub fn config_or_demo(config: Option<&Path>) -> Result<PathBuf, Failure> {
+    match config {
+        Some(path) => Ok(path.to_owned()),
+        None => paths::config("cells/demo.yaml"),
+    }
+}
+
 /// A scenario whose files have been read.
 pub struct PreparedScenario {
     /// Configuration of the cell.
@@ -129,6 +172,7 @@ impl SimulationScenario {
         let config = self.cell()?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
+            DevicesOf::option(self.config.as_deref()).note(&diagnostics);
             let what = format!("{} is invalid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
@@ -166,11 +210,7 @@ impl SimulationScenario {
 
     /// Reads the configuration of the cell.
     fn cell(&self) -> Result<CellConfig, Failure> {
-        let path = match &self.config {
-            Some(path) => path.clone(),
-            None => paths::config("cells/demo.yaml")?,
-        };
-        let config = load_config(&path)?;
+        let config = load_config(&config_or_demo(self.config.as_deref())?)?;
         require_valid_settings(&config)?;
         Ok(config)
     }

@@ -1,6 +1,7 @@
 //! Task files: nets, the rules between them, and what starts first, in one text. Read by the main thread.
 
 pub mod analysis;
+pub mod compiled;
 pub mod graph;
 
 use std::path::Path;

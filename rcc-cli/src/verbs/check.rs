@@ -1,4 +1,4 @@
-//! `check FILE...`: checks nets, libraries of fragments, cells and robots offline with the programs' own readers. Folders
+//! `check FILE...`: checks nets, libraries of fragments, tasks, cells and robots offline with the programs' own readers. Folders
 //! are searched; one file is reported in one line, several in a summary with their errors.
 
 use std::path::{Path, PathBuf};
@@ -12,8 +12,7 @@ use crate::context::{Context, OutputFormat};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::output::{print_diagnostics, print_line, print_note};
-use crate::scenario::{load_config, require_valid_settings};
-use crate::supervisor::paths;
+use crate::scenario::{DevicesOf, config_or_demo, load_config, require_valid_settings};
 
 mod search;
 mod summary;
@@ -26,7 +25,7 @@ use verdict::{CheckStage, FileVerdict};
 /// Arguments of `check`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Files of nets (YAML, JSON or DirectIONet), libraries, cells and robots, and folders of them; - reads standard input
+    /// Files of nets (YAML, JSON or DirectIONet), libraries, tasks, cells and robots, and folders of them; - reads standard input
     #[arg(required = true)]
     files: Vec<String>,
     /// Cell configuration whose devices the nets use [default: the demo cell's]
@@ -57,18 +56,15 @@ enum Deny {
 /// nothing to check.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let started = Instant::now();
-    let config = match &arguments.config {
-        Some(path) => path.clone(),
-        None => paths::config("cells/demo.yaml")?,
-    };
-    let config = load_config(&config)?;
+    let config = load_config(&config_or_demo(arguments.config.as_deref())?)?;
     if arguments.rehearse {
         require_valid_settings(&config)?;
     }
     let stage = CheckStage {
         devices: &DeviceTable::from(&config),
         denies_warnings: arguments.deny == Some(Deny::Warnings),
-        rehearse_in: arguments.rehearse.then_some(&config),
+        config: &config,
+        rehearses: arguments.rehearse,
     };
     let context = Context {
         format: if arguments.json {
@@ -81,6 +77,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let is_folder = |file: &String| Path::new(file).is_dir();
     let is_many = arguments.files.len() > 1 || arguments.files.iter().any(is_folder);
     let mut summary = CheckSummary::default();
+    let mut unknown = Vec::new();
     for named in &arguments.files {
         let from_folder = is_folder(named);
         for file in files_of(named, from_folder, &context, &mut summary) {
@@ -100,11 +97,13 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             let verdict = stage.judge(kind.unwrap_or(CheckedKind::Net), &source);
             summary.count(&verdict);
             print_verdict(&context, &source, &verdict, is_many);
+            unknown.extend(verdict.diagnostics);
         }
     }
     if is_many && context.format == OutputFormat::Human {
         print_line(&summary.text(started.elapsed().as_secs_f64()));
     }
+    DevicesOf::option(arguments.config.as_deref()).note(&unknown);
     summary
         .not_checked()
         .iter()
@@ -112,8 +111,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let folders_only = arguments.files.iter().all(is_folder);
     if folders_only && summary.checked() == 0 && summary.unreadable.is_none() {
         let message = format!("nothing to check in {}", arguments.files.join(", "));
-        let help = "nets, libraries, cells and robots are .yaml, .yml, .json, .net or .dio files with a key `net:`, `library:`, \
-                    `cell:` or `robot:`; name a file to see its errors";
+        let help = "nets, libraries, tasks, cells and robots are .yaml, .yml, .json, .net or .dio files with a key `net:`, `library:`, \
+                    `task:`, `cell:` or `robot:`; name a file to see its errors";
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     match summary {

@@ -14,8 +14,7 @@ use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::output::{print_diagnostics, print_note};
 use crate::result_file::ResultTarget;
-use crate::scenario::load_config;
-use crate::supervisor::paths;
+use crate::scenario::{DevicesOf, config_or_demo, load_config};
 use smooth::smooth;
 
 mod smooth;
@@ -71,17 +70,15 @@ enum NetFormat {
 /// # Errors
 /// Fails if the net is invalid or cannot be expressed in the other format.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let config = match &arguments.config {
-        Some(path) => path.clone(),
-        None => paths::config("cells/demo.yaml")?,
-    };
-    let cell = DeviceTable::from(&load_config(&config)?);
+    let config = load_config(&config_or_demo(arguments.config.as_deref())?)?;
+    let cell = DeviceTable::from(&config);
     let (name, text) = read_text(&arguments.file)?;
     let text = header(&arguments)? + &text;
     let invalid = |faults: &_| Failure::from_faults("invalid net", faults);
-    let compiled = compiler(&cell)
-        .compile(&text, &name)
-        .map_err(|faults| invalid(&faults))?;
+    let compiled = compiler(&cell).compile(&text, &name).map_err(|faults| {
+        DevicesOf::option(arguments.config.as_deref()).note(&findings(&faults));
+        invalid(&faults)
+    })?;
     let mut faults = Vec::new();
     let mut net = parse(&text, &name, &cell, &[NOTATION], &mut faults);
     if let (Some(net), Some(cutoff_hz)) = (&mut net, arguments.smooth) {

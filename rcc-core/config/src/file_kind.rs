@@ -15,14 +15,17 @@ pub enum FileKind {
     Cell,
     /// The configuration of a robot.
     Robot,
+    /// A task: nets and the rules between them, or rules alone.
+    Task,
 }
 
 /// The key with the name of a file of each kind, and keys that only this kind has.
-const KINDS: [(FileKind, &str, &[&str]); 4] = [
+const KINDS: [(FileKind, &str, &[&str]); 5] = [
     (FileKind::Net, "net", &["primitives"]),
     (FileKind::Library, "library", &["fragments"]),
     (FileKind::Cell, "cell", &["devices"]),
     (FileKind::Robot, "robot", &["kinematics", "joints"]),
+    (FileKind::Task, "task", &["rules"]),
 ];
 
 impl FileKind {
@@ -34,6 +37,7 @@ impl FileKind {
             FileKind::Library => "a library of fragments",
             FileKind::Cell => "the configuration of a cell",
             FileKind::Robot => "the configuration of a robot",
+            FileKind::Task => "a task",
         }
     }
 
@@ -48,6 +52,9 @@ impl FileKind {
             }
             FileKind::Robot => {
                 "`rcc-cli check` checks the file of a robot, a device of a cell names it: `robot: FILE`"
+            }
+            FileKind::Task => {
+                "`rcc-cli check` checks a task, `rcc-cli task` runs it; `rcc-cli rules install` installs rules alone"
             }
         }
     }

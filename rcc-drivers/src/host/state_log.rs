@@ -1,10 +1,11 @@
 //! Logs each change of a device's state once, to the driver's log and to the cell's event log.
 //! Run by the host's thread; a helper thread writes the event log.
 
-use rcc_config::DeviceConfig;
+use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::guard::{Violation, axis};
 use rcc_core::message::{DeviceState, Measurement};
 use rcc_core::primitive::ChannelKind;
+use rcc_core::unit::Unit;
 use rcc_ipc::events::EventRecorder;
 use rcc_protocol::events::{Event, EventKind, EventSeverity};
 
@@ -23,7 +24,7 @@ const HYSTERESIS: u32 = 20;
 pub struct StateLog {
     recorder: EventRecorder,
     reasons: &'static [Reason],
-    analog_outputs: Vec<String>,
+    analog_outputs: Vec<ChannelConfig>,
     state: DeviceState,
     reason: u32,
     out_of_range: u64,
@@ -48,7 +49,7 @@ impl StateLog {
         StateLog {
             recorder,
             reasons,
-            analog_outputs: outputs.map(|channel| channel.name.clone()).collect(),
+            analog_outputs: outputs.cloned().collect(),
             state: DeviceState::Offline,
             reason: 0,
             out_of_range: 0,
@@ -75,7 +76,11 @@ impl StateLog {
         if out_of_range != self.out_of_range {
             self.out_of_range = out_of_range;
             if out_of_range != 0 {
-                self.log(self.out_of_range_event(out_of_range));
+                self.log(out_of_range_event(
+                    &self.analog_outputs,
+                    out_of_range,
+                    session.commanded_analog(),
+                ));
             }
         }
     }
@@ -129,14 +134,6 @@ impl StateLog {
         }
     }
 
-    fn out_of_range_event(&self, bits: u64) -> EventKind {
-        let names = self.analog_outputs.iter().enumerate();
-        let out = names.filter(|(index, _)| bits >> index & 1 == 1);
-        EventKind::OutOfRange {
-            channels: out.map(|(_, name)| name.clone()).collect(),
-        }
-    }
-
     /// Writes to both logs.
     fn log(&self, what: EventKind) {
         let event = Event::now(self.recorder.source().clone(), None, what);
@@ -155,6 +152,29 @@ fn has_changed(was: u32, now: u32) -> bool {
     grade(was) != grade(now) && was.abs_diff(now) > HYSTERESIS
 }
 
+/// Describes the analog outputs whose bits are set, by the values (SI) that were commanded.
+fn out_of_range_event(outputs: &[ChannelConfig], bits: u64, commanded: &[f64]) -> EventKind {
+    let all = outputs.iter().zip(commanded).enumerate();
+    let out = all.filter(|(index, _)| bits >> index & 1 == 1);
+    let (mut channels, mut words) = (Vec::new(), Vec::new());
+    for (_, (channel, value)) in out {
+        let [lower, upper] = channel.range.unwrap_or([f64::MIN, f64::MAX]);
+        let unit = match channel.unit {
+            Unit::ONE => String::new(),
+            unit => format!(" {unit}"),
+        };
+        channels.push(channel.name.clone());
+        words.push(format!(
+            "{} = {value}{unit}, allowed {lower} to {upper}{unit}",
+            channel.name
+        ));
+    }
+    EventKind::OutOfRange {
+        channels,
+        words: words.join("; "),
+    }
+}
+
 fn refused_event(violation: &Violation) -> EventKind {
     let number = |value: f64| value.is_finite().then_some(value);
     let is_joint = !violation.kind.is_of_device() && axis(usize::from(violation.joint)).is_none();
@@ -171,6 +191,28 @@ fn refused_event(violation: &Violation) -> EventKind {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_value_out_of_range_is_told_with_channel_value_and_range() {
+        let channel = |name: &str, index| ChannelConfig {
+            name: name.to_owned(),
+            kind: ChannelKind::AnalogOutput,
+            index,
+            address: serde_json::Value::Null,
+            unit: Unit::METRE,
+            scale: 1.0,
+            offset: 0.0,
+            range: Some([0.0, 0.5]),
+            on_release: None,
+        };
+        let outputs = [channel("speed", 0), channel("feed", 1)];
+        let event = out_of_range_event(&outputs, 0b10, &[0.1, 0.75]);
+        let EventKind::OutOfRange { channels, words } = event else {
+            panic!("{event:?}");
+        };
+        assert_eq!(channels, ["feed"]);
+        assert_eq!(words, "feed = 0.75 m, allowed 0 to 0.5 m");
+    }
 
     #[test]
     fn quality_is_logged_when_its_grade_has_clearly_changed() {

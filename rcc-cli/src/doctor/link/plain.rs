@@ -84,8 +84,9 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
         }
         (None, None) => return None,
     };
+    let description = server_faults(facts).unwrap_or(description);
     if exchanges == 0 {
-        let fix = "follow the message; the driver's log gives the address and cause";
+        let fix = "follow the message; the driver's log has every fault";
         return Some(HealthFinding::fail(
             format!("no data is exchanged: {description}"),
             fix,
@@ -98,6 +99,21 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
             "follow the message",
         )),
     }
+}
+
+/// The last fault of each server that is lost, which names the point, the value or the unit.
+fn server_faults(facts: &LinkFacts) -> Option<String> {
+    let servers = facts.link()["servers"].as_array()?;
+    let lost = servers.iter().filter(|server| server["online"] == false);
+    let faults = lost.filter_map(|server| {
+        let fault = server["last_fault"].as_str()?;
+        Some(match server["server"].as_str() {
+            Some(name) => format!("server '{name}': {fault}"),
+            None => fault.to_owned(),
+        })
+    });
+    let faults: Vec<String> = faults.collect();
+    (!faults.is_empty()).then(|| faults.join("; "))
 }
 
 pub(super) fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
@@ -163,6 +179,26 @@ mod tests {
         let report = LinkReport::of(&facts);
         assert_eq!(report.failed, Some("exchange"));
         assert!(report.human().contains("refuses an address"));
+    }
+
+    #[test]
+    fn the_fault_of_a_lost_server_names_its_point() {
+        let fault = "reading discrete 4 (door): exception 2: illegal address";
+        let facts = running(DriverStatus {
+            reason: 112,
+            reason_words: "illegal address".to_owned(),
+            link: json!({"servers": [
+                {"server": "press", "online": false, "last_fault": fault},
+                {"server": "belt", "online": true, "last_fault": "an old one"},
+            ]}),
+            ..DriverStatus::default()
+        });
+        let words = LinkReport::of(&facts).human();
+        assert!(
+            words.contains("server 'press': reading discrete 4 (door)"),
+            "{words}"
+        );
+        assert!(!words.contains("an old one"), "{words}");
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub enum CheckedKind {
     Cell,
     /// The configuration of a robot.
     Robot,
+    /// A task, or rules alone.
+    Task,
 }
 
 impl CheckedKind {
@@ -35,6 +37,7 @@ impl CheckedKind {
             Some(FileKind::Library) => Some(CheckedKind::Library),
             Some(FileKind::Cell) => Some(CheckedKind::Cell),
             Some(FileKind::Robot) => Some(CheckedKind::Robot),
+            Some(FileKind::Task) => Some(CheckedKind::Task),
             // DirectIONet that is too broken to be recognised.
             None if name.ends_with(".net") || name.ends_with(".dio") => {
                 Some(CheckedKind::DirectIoNet)
@@ -118,6 +121,8 @@ mod tests {
         assert_eq!(shipped("cells/demo.yaml"), Some(CheckedKind::Cell));
         assert_eq!(shipped("robots/iiwa7.yaml"), Some(CheckedKind::Robot));
         assert_eq!(kind("a", "library: a\n"), Some(CheckedKind::Library));
+        assert_eq!(shipped("tasks/probe.yaml"), Some(CheckedKind::Task));
+        assert_eq!(kind("a", "rules: []\n"), Some(CheckedKind::Task));
         let foreign = "{a=Core::BooleanValue(Value='true'),outTerminate=a.outValue}";
         assert_eq!(kind("a", foreign), Some(CheckedKind::DirectIoNet));
         let with_mark = format!("\u{feff}{foreign}");

@@ -66,7 +66,7 @@ impl CheckSummary {
 
     /// Adds a file whose kind is not recognised.
     pub fn of_no_kind(&mut self, file: String) {
-        let reason = "no key `net`, `library`, `cell` or `robot`";
+        let reason = "no key `net`, `library`, `task`, `cell` or `robot`";
         self.not_checked.push((file, reason));
     }
 
@@ -140,6 +140,7 @@ impl CheckSummary {
         let kinds = [
             (nets, "net"),
             (count(CheckedKind::Library), "library"),
+            (count(CheckedKind::Task), "task"),
             (count(CheckedKind::Cell), "cell"),
             (count(CheckedKind::Robot), "robot"),
         ];

@@ -15,9 +15,12 @@ use rcc_protocol::control::PlanData;
 use serde::Serialize;
 
 use super::search::CheckedKind;
+use crate::failure::Failure;
 use crate::scenario::{require_valid_settings, with_names};
 use crate::simulate::rehearse_at_start;
 use crate::table::counted;
+use crate::task::TaskFile;
+use crate::task::compiled::CompiledTask;
 
 /// Verdict on one file.
 #[derive(Serialize)]
@@ -48,8 +51,10 @@ pub struct CheckStage<'a> {
     pub devices: &'a DeviceTable,
     /// Warnings are refused as well.
     pub denies_warnings: bool,
-    /// The cell in which nets are rehearsed; `None`: they are not.
-    pub rehearse_in: Option<&'a CellConfig>,
+    /// The cell that they belong to.
+    pub config: &'a CellConfig,
+    /// Nets are rehearsed in it.
+    pub rehearses: bool,
 }
 
 impl CheckStage<'_> {
@@ -68,6 +73,13 @@ impl CheckStage<'_> {
         };
         let read = match kind {
             CheckedKind::Net | CheckedKind::DirectIoNet => return self.net(verdict, source),
+            CheckedKind::Task => {
+                match self.task(source) {
+                    Ok(summary) => verdict.summary = summary,
+                    Err(failure) => verdict.diagnostics.extend(findings_of(&failure)),
+                }
+                return self.conclude(verdict);
+            }
             CheckedKind::Library => library(text, name),
             CheckedKind::Cell => cell(text, name, &mut verdict.diagnostics),
             CheckedKind::Robot => robot(text, name),
@@ -77,6 +89,23 @@ impl CheckStage<'_> {
             Err(faults) => verdict.diagnostics.extend(findings(&faults)),
         }
         self.conclude(verdict)
+    }
+
+    /// Reads a task, compiles its nets, and resolves everything that its rules name.
+    fn task(&self, (name, text): &(String, String)) -> Result<String, Failure> {
+        let folder = Path::new(name).parent().unwrap_or(Path::new(""));
+        let task = TaskFile::of(name, text, folder)?;
+        let compiled = CompiledTask::compile(task, self.config)?;
+        compiled
+            .check()
+            .map_err(|error| Failure::from_server(error.body()))?;
+        let task = &compiled.file;
+        Ok(format!(
+            "task {} is valid, {} and {}",
+            task.name,
+            counted(task.nets.len() as u64, "net"),
+            counted(task.rules.len() as u64, "rule")
+        ))
     }
 
     /// Refuses a file with errors, or with any finding if warnings are denied.
@@ -106,8 +135,8 @@ impl CheckStage<'_> {
         // A net that compiled has a plan that passes the check.
         verdict.primitives = checked.map_or(0, |checked| checked.primitives);
         verdict.diagnostics = findings(&compiled.warnings);
-        if let Some(config) = self.rehearse_in {
-            match rehearsed(config, compiled.plan, &compiled.names) {
+        if self.rehearses {
+            match rehearsed(self.config, compiled.plan, &compiled.names) {
                 Ok(rehearsal) => verdict.rehearsal = rehearsal,
                 Err(finding) => verdict.diagnostics.push(*finding),
             }
@@ -135,6 +164,21 @@ fn rehearsed(
     })
 }
 
+/// The findings of a failure; one that has none becomes one itself.
+fn findings_of(failure: &Failure) -> Vec<Finding> {
+    if !failure.body.diagnostics.is_empty() {
+        return failure.body.diagnostics.clone();
+    }
+    vec![Finding {
+        code: failure.body.code.clone(),
+        severity: "error".to_owned(),
+        message: failure.body.message.clone(),
+        help: failure.body.help.clone(),
+        rendered: failure.human(DrawingStyle::default()),
+        ..Finding::default()
+    }]
+}
+
 fn library(text: &str, name: &str) -> Result<String, Faults> {
     let library = check_library(text, name, &FileLibraries)?;
     Ok(format!(
@@ -149,14 +193,7 @@ fn cell(text: &str, name: &str, found: &mut Vec<Finding>) -> Result<String, Faul
     let base = Path::new(name).parent().unwrap_or(Path::new(""));
     let cell = CellConfig::parse_offline(text, name, base)?;
     if let Err(refused) = require_valid_settings(&cell) {
-        found.push(Finding {
-            code: refused.body.code.clone(),
-            severity: "error".to_owned(),
-            message: refused.body.message.clone(),
-            help: refused.body.help.clone(),
-            rendered: refused.human(DrawingStyle::default()),
-            ..Finding::default()
-        });
+        found.extend(findings_of(&refused));
     }
     let devices: Vec<&str> = cell.devices.iter().map(|it| it.name.as_str()).collect();
     Ok(format!(

@@ -355,6 +355,8 @@ kinds! {
     OutOfRange = "out-of-range", "driver", Error {
         /// Names of the channels.
         channels: Vec<String>,
+        /// Each channel with the commanded value and its range.
+        words: String,
     }
     /// A run of the cell begins.
     CellStarted = "cell-started", "supervisor", Info {

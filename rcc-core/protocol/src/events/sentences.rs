@@ -341,9 +341,9 @@ impl EventKind {
             EventKind::Refused { words, .. } => {
                 format!("refused a set-point, {words}; correct the net's limits or its path")
             }
-            EventKind::OutOfRange { channels } => format!(
-                "{} commanded out of range and released (on_release); correct the net",
-                channels.join(", ")
+            EventKind::OutOfRange { words, .. } => format!(
+                "commanded out of range and released (on_release): {words}; limit the value in the net that commands it: \
+                 `rcc-cli devices` names the holder"
             ),
             _ => return None,
         })

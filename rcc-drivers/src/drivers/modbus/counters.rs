@@ -1,8 +1,9 @@
 //! Counters of the connections to all servers, for `rcc-cli doctor`.
-//! Written by the host's thread, read by any other; Relaxed, because each counter is independent.
+//! Written by the host's thread, read by any other; Relaxed, because each counter is independent. The text of the last
+//! fault is behind a lock that each side holds for a copy.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -29,6 +30,8 @@ pub struct ServerCounters {
     discarded: AtomicU64,
     read_ns: AtomicU64,
     read_max_ns: AtomicU64,
+    /// The last fault with the point, value or unit that it concerns; empty before the first.
+    last_fault: Mutex<String>,
 }
 
 impl ServerCounters {
@@ -69,8 +72,9 @@ impl ServerCounters {
         self.read_max_ns.fetch_max(time_ns, Relaxed);
     }
 
-    /// Counts a loss of the server.
+    /// Counts a loss of the server, and keeps its cause.
     pub fn lost(&self, fault: &ServerFault) {
+        *self.last_fault() = fault.to_string();
         let count = match fault {
             ServerFault::Timeout { .. } | ServerFault::OtherUnit { .. } => &self.timeouts,
             ServerFault::Exception { .. } | ServerFault::NoMaskWrite { .. } => &self.exceptions,
@@ -80,8 +84,16 @@ impl ServerCounters {
         count.fetch_add(1, Relaxed);
     }
 
+    fn last_fault(&self) -> MutexGuard<'_, String> {
+        // A panic leaves it intact: it is replaced as a whole.
+        self.last_fault
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn json(&self) -> Value {
         let number = |figure: &AtomicU64| figure.load(Relaxed);
+        let last_fault = self.last_fault().clone();
         let fault = self.fault.load(Relaxed);
         json!({
             "server": self.name,
@@ -89,6 +101,7 @@ impl ServerCounters {
             "unit": self.unit,
             "online": self.online.load(Relaxed) == 1,
             "fault": (fault != 0).then(|| fault::words(fault)),
+            "last_fault": (!last_fault.is_empty()).then_some(last_fault),
             "quality_permille": self.quality_permille.load(Relaxed),
             "connections": number(&self.connections),
             "rounds": number(&self.rounds),

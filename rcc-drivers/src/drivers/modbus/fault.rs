@@ -42,12 +42,12 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         REFUSED,
-        "the Modbus server refuses a request with an exception code that the standard does not define; see the driver's log",
+        "the Modbus server refuses a request with an exception code that the standard does not define; `rcc-cli doctor device` names the point",
     ),
     (BROKEN, "the answer is not Modbus TCP: check the port"),
     (
         OTHER_UNIT,
-        "the Modbus server answers as another unit: correct `unit`; see the driver's log",
+        "the Modbus server answers as another unit: correct `unit`; `rcc-cli doctor device` names both",
     ),
     (
         FROZEN,
@@ -55,7 +55,7 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         UNFIT,
-        "an analog output has a value that its registers cannot hold; see the driver's log",
+        "an analog output has a value that its registers cannot hold; `rcc-cli doctor device` names it",
     ),
     (
         NO_MASK_WRITE,
@@ -63,15 +63,15 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         EXCEPTIONS + 1,
-        "illegal function: the device does not know this kind of request; see the driver's log",
+        "illegal function: the device does not know this kind of request; `rcc-cli doctor device` names the point",
     ),
     (
         EXCEPTIONS + 2,
-        "illegal address: the device has no such point; compare the channel's address with the manual (the wire counts from 0); see the driver's log",
+        "illegal address: the device has no such point; compare the channel's address with the manual (the wire counts from 0); `rcc-cli doctor device` names the point",
     ),
     (
         EXCEPTIONS + 3,
-        "illegal value: the device refuses a value or a number of points; see the driver's log",
+        "illegal value: the device refuses a value or a number of points; `rcc-cli doctor device` names the point",
     ),
     (
         EXCEPTIONS + 4,
