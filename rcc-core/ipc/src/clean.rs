@@ -346,6 +346,8 @@ pub(crate) fn remove_rest(cell: &Cell, _access: &ExclusiveAccess) -> Result<(), 
         cell.janitor_lock_file(),
         cell.prefix_file(),
         cell.running_file(),
+        cell.next_id_file(),
+        cell.next_id_file().with_extension("new"),
     ];
     for path in ours {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
