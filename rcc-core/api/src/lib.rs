@@ -15,6 +15,7 @@ pub mod incident_nets;
 pub mod incidents;
 pub mod manual;
 pub mod messages;
+pub mod own_hosts;
 pub mod routes;
 pub mod streams;
 pub mod token;

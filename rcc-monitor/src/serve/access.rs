@@ -11,6 +11,7 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use rcc_api::own_hosts::{OwnHosts, is_own_page};
 use rcc_api::token::Token;
 
 /// Content security policy of the pages: nothing of other origins, no inline script, no frame around them.
@@ -20,8 +21,7 @@ const POLICY: &str = "default-src 'self'; base-uri 'none'; form-action 'self'; f
 #[derive(Debug)]
 pub struct Access {
     token: Token,
-    /// Values of `host` that mean this server.
-    hosts: [String; 2],
+    hosts: OwnHosts,
     cookie: String,
     /// Token for `/metrics`, which opens nothing else.
     scraper: Option<Token>,
@@ -99,7 +99,7 @@ impl Access {
     pub fn new(token: Token, port: u16) -> Access {
         Access {
             token,
-            hosts: ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}")),
+            hosts: OwnHosts::loopback(port),
             // Cookies do not know ports: dashboards of several cells must not overwrite each other's.
             cookie: format!("rcc-dashboard-{port}"),
             scraper: None,
@@ -117,7 +117,11 @@ impl Access {
     /// Returns the address of the page, with the token.
     #[must_use]
     pub fn address(&self) -> String {
-        format!("http://{}/?token={}", self.hosts[0], self.token.reveal())
+        format!(
+            "http://{}/?token={}",
+            self.hosts.told(),
+            self.token.reveal()
+        )
     }
 
     /// Decides about a request.
@@ -130,13 +134,12 @@ impl Access {
         uri: &Uri,
         headers: &HeaderMap,
     ) -> Result<Admission, Refusal> {
-        let host = text(headers, header::HOST).ok_or(Refusal::Host)?;
-        let host = self.hosts.iter().find(|own| own.as_str() == host);
-        let host = host.ok_or(Refusal::Host)?;
+        let host = headers.get(header::HOST).map(HeaderValue::as_bytes);
+        let host = self.hosts.find(host).ok_or(Refusal::Host)?;
         let reads = matches!(*method, Method::GET | Method::HEAD);
         match headers.get(header::ORIGIN) {
             None if reads => {}
-            Some(origin) if origin.as_bytes() == format!("http://{host}").as_bytes() => {}
+            Some(origin) if is_own_page(host, origin.as_bytes()) => {}
             _ => return Err(Refusal::Origin),
         }
         let is_scrape = uri.path() == "/metrics" && reads;
@@ -175,10 +178,6 @@ impl Access {
             Some(_) => Err(Refusal::WrongToken),
         }
     }
-}
-
-fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
-    headers.get(name)?.to_str().ok()
 }
 
 /// Checks a request, and adds the headers that restrict pages to every answer.
