@@ -3,10 +3,8 @@
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
-pub mod names;
 pub mod reader;
 pub mod record;
 pub mod serve;
 pub mod signals;
-pub mod stream;
 pub mod tail;

@@ -13,12 +13,12 @@ use nix::sys::signal::Signal;
 use rcc_core::duration::parse_seconds;
 use rcc_core::printable::Printable;
 use rcc_monitor::reader;
-use rcc_monitor::record::selection::{PortPattern, Selection};
 use rcc_monitor::record::{RecordOptions, record};
 use rcc_monitor::serve::{ServeOptions, serve};
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, TailEnd, TailOptions, print_note, tail};
 use rcc_protocol::pattern::Pattern;
+use rcc_reading::selection::{PortPattern, Selection};
 use rcc_recording::recording::WhenFull;
 
 /// Shows the values of a cell's nets.

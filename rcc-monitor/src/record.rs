@@ -7,22 +7,20 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use rcc_core::counted::Counted;
+use rcc_reading::messages::{MessageOptions, RecordLosses};
+use rcc_reading::selection::Selection;
+use rcc_reading::source::CellSource;
+use rcc_reading::stream::StreamError;
 use rcc_recording::file::RecordingError;
 use rcc_recording::recording::{Recording, RecordingOptions, WhenFull};
 use serde::Serialize;
 
 use self::queue::{BatchSender, QUEUE_BYTES_MAX, queue};
-use self::selection::Selection;
-use self::source::CellSource;
-use self::writer::{RecordLosses, RecordWriter, WriterOptions, WrittenRecording};
+use self::writer::WrittenRecording;
 use crate::signals::Signals;
-use crate::stream::StreamError;
 use crate::tail::print_note;
 
-pub mod nets;
 pub mod queue;
-pub mod selection;
-pub mod source;
 pub mod writer;
 
 /// Interval at which the boards of the devices are read: twice in the period of a device at 1 kHz.
@@ -119,14 +117,15 @@ pub fn record(
         when_full: options.when_full,
     });
     let recording = recording.map_err(RecordError::Create)?;
-    let writer_options = WriterOptions {
+    let message_options = MessageOptions {
         selection: options.selection.clone(),
         view_every_ns: (1e9 / options.view_hz) as u64,
+        reader: "recorder",
     };
     let (sender, receiver) = queue(QUEUE_BYTES_MAX);
     let writer = thread::Builder::new()
         .name("writer".to_owned())
-        .spawn(move || RecordWriter::new(recording, writer_options).run(&receiver))
+        .spawn(move || writer::write(recording, message_options, &receiver))
         .map_err(RecordError::Thread)?;
     let read = read_cell(cell, options, signals, sender);
     let written = join(writer)?;

@@ -8,11 +8,11 @@ use rcc_core::message::MonitorRecord;
 use rcc_core::printable::{OneLine, Printable};
 use serde_json::{Value, json};
 
-use crate::names::{CommandNames, MonitorInfo};
 use crate::signals::Signals;
-use crate::stream::{ExecutorFollower, StreamError};
 use rcc_protocol::element_kind::ElementKind;
 use rcc_protocol::pattern::Pattern;
+use rcc_reading::names::{CommandNames, MonitorInfo};
+use rcc_reading::stream::{ExecutorFollower, StreamError};
 
 /// Interval at which the stream is polled; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);

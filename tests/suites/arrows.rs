@@ -119,6 +119,18 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     // Message types and files of recordings, for the monitor, for `replay` and for gateways.
     ("rcc-recording", &["rcc-core"]),
+    // What programs read that watch a cell, for the monitor and for gateways.
+    (
+        "rcc-reading",
+        &[
+            "rcc-core",
+            "rcc-os",
+            "rcc-config",
+            "rcc-protocol",
+            "rcc-ipc",
+            "rcc-recording",
+        ],
+    ),
     (
         "rcc-monitor",
         &[
@@ -127,6 +139,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-config",
             "rcc-protocol",
             "rcc-ipc",
+            "rcc-reading",
             "rcc-recording",
             "rcc-process",
             // The dashboard: draws nets, replays incidents, and speaks with the loader.

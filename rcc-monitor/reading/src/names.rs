@@ -80,6 +80,11 @@ impl CommandDirectory {
         }
     }
 
+    /// Forgets what was read: a program that runs for weeks would keep the text of every command.
+    pub fn forget(&mut self) {
+        self.known.clear();
+    }
+
     /// Returns the names of a command; one without a file is named by its id.
     pub fn command(&mut self, id: u64) -> &CommandNames {
         let folder = &self.folder;

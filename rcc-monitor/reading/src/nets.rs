@@ -9,11 +9,15 @@ use rcc_core::message::MonitorRecord;
 use rcc_protocol::events::hex_digits;
 use rcc_recording::cdr::CdrWriter;
 use rcc_recording::file::{AttachedText, ChannelInfo, RecordingError};
-use rcc_recording::recording::{ChannelId, Recording, RecordingState};
+use rcc_recording::sink::{ChannelId, MessageSink, RecordingState};
 use rcc_recording::table::{Column, Table, TableKey, TableSubject, field_name};
 
-use super::selection::Selection;
 use crate::names::{CommandDirectory, CommandNames, MonitorInfo};
+use crate::selection::Selection;
+
+/// Nets that are kept; the executor has places for 64 commands. Beyond it all are forgotten, and those that live are found
+/// again.
+const NETS_MAX: usize = 256;
 
 /// The monitors of a net that have one rate.
 struct MonitorTable {
@@ -71,18 +75,23 @@ impl NetRecorder {
     /// Fails if the file cannot be written.
     pub fn record(
         &mut self,
-        recording: &mut Recording,
+        sink: &mut dyn MessageSink,
         record: &MonitorRecord,
         wall: WallTime<'_>,
     ) -> Result<RecordingState, RecordingError> {
         let mut state = RecordingState::Open;
         let here = (record.command, record.cycle, record.stamp_ns);
         if self.open.is_some_and(|open| open != here) {
-            state = self.flush(recording, wall)?;
+            state = self.flush(sink, wall)?;
         }
         if !self.nets.contains_key(&record.command) {
+            if self.nets.len() >= NETS_MAX {
+                state = self.flush(sink, wall)?;
+                self.nets.clear();
+                self.directory.forget();
+            }
             let names = self.directory.command(record.command);
-            let net = recorded_net(recording, names, &mut self.selection, wall(record.stamp_ns))?;
+            let net = recorded_net(sink, names, &mut self.selection, wall(record.stamp_ns))?;
             self.nets.insert(record.command, net);
         }
         self.open = Some(here);
@@ -109,7 +118,7 @@ impl NetRecorder {
     /// Fails if the file cannot be written.
     pub fn flush(
         &mut self,
-        recording: &mut Recording,
+        sink: &mut dyn MessageSink,
         wall: WallTime<'_>,
     ) -> Result<RecordingState, RecordingError> {
         let mut state = RecordingState::Open;
@@ -124,7 +133,7 @@ impl NetRecorder {
             if filled == table.monitors.len() {
                 let key = TableKey { cycle, command };
                 self.rounded += table.table.encode(key, &table.values, &mut self.out);
-                state = recording.write(table.channel, wall(stamp_ns), self.out.bytes())?;
+                state = sink.write(table.channel, wall(stamp_ns), self.out.bytes())?;
             } else if filled > 0 {
                 self.incomplete += 1;
             }
@@ -135,7 +144,7 @@ impl NetRecorder {
 
 /// Makes the tables of a net, and attaches its text.
 fn recorded_net(
-    recording: &mut Recording,
+    sink: &mut dyn MessageSink,
     names: &CommandNames,
     selection: &mut Selection,
     time_ns: u64,
@@ -154,7 +163,7 @@ fn recorded_net(
             media_type: "application/yaml".to_owned(),
             text: names.text.clone(),
         };
-        recording.attach(text, time_ns)?;
+        sink.attach(text, time_ns)?;
     }
     let mut rates: Vec<u32> = monitors.iter().map(|(_, one)| one.every).collect();
     rates.sort_unstable();
@@ -176,7 +185,7 @@ fn recorded_net(
             ]
             .into(),
         };
-        monitor_table(recording, subject, monitors)
+        monitor_table(sink, subject, monitors)
     });
     Ok(RecordedNet {
         tables: tables.collect(),
@@ -184,7 +193,7 @@ fn recorded_net(
 }
 
 fn monitor_table<'a>(
-    recording: &mut Recording,
+    sink: &mut dyn MessageSink,
     subject: TableSubject,
     monitors: impl Iterator<Item = (u32, &'a MonitorInfo)>,
 ) -> MonitorTable {
@@ -201,7 +210,7 @@ fn monitor_table<'a>(
         });
     }
     let table = Table::new(subject, columns);
-    let channel = recording.channel(ChannelInfo {
+    let channel = sink.channel(ChannelInfo {
         topic: table.topic.clone(),
         schema: table.schema.clone(),
         metadata: table.metadata.clone(),
@@ -221,7 +230,7 @@ mod tests {
     use bytemuck::Zeroable;
     use rcc_ipc::Cell;
     use rcc_recording::read::{ReadEnd, read};
-    use rcc_recording::recording::{RecordingOptions, WhenFull};
+    use rcc_recording::recording::{Recording, RecordingOptions, WhenFull};
 
     const FILE: &str = r#"{"net": "line", "text": "net: line\n", "names": {"monitors": [
         {"primitive": "a", "source": "move.way", "type": "Real", "unit": "m", "width": 1, "every": 1},

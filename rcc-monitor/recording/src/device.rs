@@ -7,8 +7,8 @@ use crate::arm::ViewedArm;
 use crate::cdr::CdrWriter;
 use crate::file::{ChannelInfo, RecordingError};
 use crate::messages;
-use crate::recording::{ChannelId, Recording, RecordingState};
 use crate::schemas::standard;
+use crate::sink::{ChannelId, MessageSink, RecordingState};
 use crate::table::{Column, Table, TableKey, TableSubject, field_name};
 
 /// Name and unit of an input or output.
@@ -111,9 +111,9 @@ fn columns(device: &RecordedDevice) -> Vec<Column> {
     columns
 }
 
-fn view_channels(recording: &mut Recording, name: &str) -> ViewChannels {
+fn view_channels(sink: &mut dyn MessageSink, name: &str) -> ViewChannels {
     let mut channel = |topic: String, schema: &str| {
-        recording.channel(ChannelInfo {
+        sink.channel(ChannelInfo {
             topic,
             schema: standard(schema),
             metadata: [("device".to_owned(), name.to_owned())].into(),
@@ -138,7 +138,7 @@ impl DeviceRecorder {
     /// Adds the channels of a device; viewers get its arm at most every `view_every_ns`.
     #[must_use]
     pub fn new(
-        recording: &mut Recording,
+        sink: &mut dyn MessageSink,
         device: RecordedDevice,
         view_every_ns: u64,
     ) -> DeviceRecorder {
@@ -148,7 +148,7 @@ impl DeviceRecorder {
             metadata: [("device".to_owned(), device.name.clone())].into(),
         };
         let table = Table::new(subject, columns(&device));
-        let channel = recording.channel(ChannelInfo {
+        let channel = sink.channel(ChannelInfo {
             topic: table.topic.clone(),
             schema: table.schema.clone(),
             metadata: table.metadata.clone(),
@@ -156,7 +156,7 @@ impl DeviceRecorder {
         let arm = device.arm.as_ref();
         let joint_names = arm.map(|arm| (1..=arm.joints()).map(|n| arm.joint_name(n)).collect());
         DeviceRecorder {
-            view: arm.map(|_| view_channels(recording, &device.name)),
+            view: arm.map(|_| view_channels(sink, &device.name)),
             joint_names: joint_names.unwrap_or_default(),
             table,
             channel,
@@ -180,7 +180,7 @@ impl DeviceRecorder {
     /// Fails if the file cannot be written.
     pub fn write(
         &mut self,
-        recording: &mut Recording,
+        sink: &mut dyn MessageSink,
         time_ns: u64,
         measurement: Option<&Measurement>,
     ) -> Result<RecordingState, RecordingError> {
@@ -190,7 +190,7 @@ impl DeviceRecorder {
             command: 0,
         };
         self.table.encode(key, &self.values, &mut self.out);
-        let state = recording.write(self.channel, time_ns, self.out.bytes())?;
+        let state = sink.write(self.channel, time_ns, self.out.bytes())?;
         let (Some(measured), Some(view)) = (measurement, self.view) else {
             return Ok(state);
         };
@@ -198,7 +198,7 @@ impl DeviceRecorder {
             return Ok(state);
         }
         self.next_view_ns = time_ns + self.view_every_ns;
-        self.write_view(recording, time_ns, measured, view)
+        self.write_view(sink, time_ns, measured, view)
     }
 
     /// Collects the elements of all columns.
@@ -241,7 +241,7 @@ impl DeviceRecorder {
 
     fn write_view(
         &mut self,
-        recording: &mut Recording,
+        sink: &mut dyn MessageSink,
         time_ns: u64,
         measured: &Measurement,
         view: ViewChannels,
@@ -259,14 +259,14 @@ impl DeviceRecorder {
             .zip(view.joints.into_iter().zip(view.poses))
         {
             messages::joint_state(out, time_ns, names, [position, effort]);
-            let _ = recording.write(joints, time_ns, out.bytes())?;
+            let _ = sink.write(joints, time_ns, out.bytes())?;
             let flange = arm.arm.forward(position);
             messages::pose_stamped(out, time_ns, &arm.base_frame(), &flange);
-            let _ = recording.write(pose, time_ns, out.bytes())?;
+            let _ = sink.write(pose, time_ns, out.bytes())?;
         }
         messages::wrench_stamped(out, time_ns, &arm.flange_frame(), &measured.wrench);
-        let _ = recording.write(view.wrench, time_ns, out.bytes())?;
+        let _ = sink.write(view.wrench, time_ns, out.bytes())?;
         messages::transforms(out, time_ns, &arm.frames(&measured.position));
-        recording.write(view.frames, time_ns, out.bytes())
+        sink.write(view.frames, time_ns, out.bytes())
     }
 }

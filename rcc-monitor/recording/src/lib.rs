@@ -10,4 +10,5 @@ pub mod messages;
 pub mod read;
 pub mod recording;
 pub mod schemas;
+pub mod sink;
 pub mod table;

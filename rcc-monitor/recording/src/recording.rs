@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::file::{AttachedText, ChannelInfo, McapFile, RecordingError};
+use crate::sink::{ChannelId, MessageSink, RecordingState};
 
 /// Number of segments that a recording without end consists of.
 pub const SEGMENTS: u64 = 8;
@@ -32,10 +33,6 @@ pub struct RecordingOptions {
     pub when_full: WhenFull,
 }
 
-/// A channel of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct ChannelId(usize);
-
 struct Channel {
     /// As it was asked for.
     wanted: ChannelInfo,
@@ -45,16 +42,6 @@ struct Channel {
     sequence: u32,
     /// The newest message, if each segment must begin with it.
     kept: Option<Vec<u8>>,
-}
-
-/// State of a recording after a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[must_use]
-pub enum RecordingState {
-    /// It goes on.
-    Open,
-    /// It has reached its greatest size; nothing more is written.
-    Full,
 }
 
 /// Amount of data that was written.
@@ -126,97 +113,13 @@ impl Recording {
         self.file.path()
     }
 
-    /// Returns the channel with this content; adds it if it is new. It appears in a file with its first message. Viewers
-    /// expect one type on a topic: a topic of another type gets a number.
-    pub fn channel(&mut self, wanted: ChannelInfo) -> ChannelId {
-        let known = self.channels.iter().position(|one| one.wanted == wanted);
-        if let Some(known) = known {
-            return ChannelId(known);
-        }
-        let mut info = wanted.clone();
-        let mut number = 2;
-        let taken = |info: &ChannelInfo| {
-            let mut others = self.channels.iter().map(|one| &one.info);
-            others.any(|other| other.topic == info.topic && other.schema != info.schema)
-        };
-        while taken(&info) {
-            info.topic = format!("{}_{number}", wanted.topic);
-            number += 1;
-        }
-        self.channels.push(Channel {
-            wanted,
-            info,
-            number: None,
-            sequence: 0,
-            kept: None,
-        });
-        ChannelId(self.channels.len() - 1)
-    }
-
-    /// Attaches a text to this file and to those that follow.
-    ///
-    /// # Errors
-    /// Fails if the file cannot be written.
-    pub fn attach(&mut self, text: AttachedText, time_ns: u64) -> Result<(), RecordingError> {
-        if self.full || self.texts.contains(&text) {
-            return Ok(());
-        }
-        self.file.attach(&text, time_ns)?;
-        self.texts.push(text);
-        Ok(())
-    }
-
-    /// Writes a message.
-    ///
-    /// # Errors
-    /// Fails if the file cannot be written; it ends at its last flush.
-    pub fn write(
-        &mut self,
-        channel: ChannelId,
-        time_ns: u64,
-        message: &[u8],
-    ) -> Result<RecordingState, RecordingError> {
-        if self.full {
-            return Ok(RecordingState::Full);
-        }
-        let length = self.file.length() + message.len() as u64;
-        match self.options.when_full {
-            WhenFull::Stop if length > self.options.bytes_max => {
-                self.full = true;
-                return Ok(RecordingState::Full);
-            }
-            WhenFull::RemoveOldest if length > self.options.bytes_max / SEGMENTS => {
-                self.next_segment(time_ns)?;
-            }
-            _ => {}
-        }
-        self.put(channel, time_ns, message)?;
-        Ok(RecordingState::Open)
-    }
-
-    /// Writes a message with which each later segment begins again.
-    ///
-    /// # Errors
-    /// As [`Recording::write`].
-    pub fn write_kept(
-        &mut self,
-        channel: ChannelId,
-        time_ns: u64,
-        message: &[u8],
-    ) -> Result<RecordingState, RecordingError> {
-        if let Some(channel) = self.channels.get_mut(channel.0) {
-            channel.kept = Some(message.to_vec());
-        }
-        self.write(channel, time_ns, message)
-    }
-
     fn put(
         &mut self,
-        ChannelId(index): ChannelId,
+        channel: ChannelId,
         time_ns: u64,
         message: &[u8],
     ) -> Result<(), RecordingError> {
-        let Some(channel) = self.channels.get_mut(index) else {
+        let Some(channel) = self.channels.get_mut(channel.index()) else {
             return Ok(());
         };
         let number = match channel.number {
@@ -268,7 +171,7 @@ impl Recording {
         for index in 0..self.channels.len() {
             let kept = self.channels.get(index).and_then(|one| one.kept.clone());
             if let Some(kept) = kept {
-                self.put(ChannelId(index), time_ns, &kept)?;
+                self.put(ChannelId::new(index), time_ns, &kept)?;
             }
         }
         Ok(())
@@ -312,6 +215,78 @@ impl Recording {
         let older: u64 = self.older.iter().map(|one| one.bytes).sum();
         summary.bytes = older + self.file.finish()?;
         Ok(summary)
+    }
+}
+
+impl MessageSink for Recording {
+    fn channel(&mut self, wanted: ChannelInfo) -> ChannelId {
+        let known = self.channels.iter().position(|one| one.wanted == wanted);
+        if let Some(known) = known {
+            return ChannelId::new(known);
+        }
+        let mut info = wanted.clone();
+        let mut number = 2;
+        let taken = |info: &ChannelInfo| {
+            let mut others = self.channels.iter().map(|one| &one.info);
+            others.any(|other| other.topic == info.topic && other.schema != info.schema)
+        };
+        while taken(&info) {
+            info.topic = format!("{}_{number}", wanted.topic);
+            number += 1;
+        }
+        self.channels.push(Channel {
+            wanted,
+            info,
+            number: None,
+            sequence: 0,
+            kept: None,
+        });
+        ChannelId::new(self.channels.len() - 1)
+    }
+
+    fn attach(&mut self, text: AttachedText, time_ns: u64) -> Result<(), RecordingError> {
+        if self.full || self.texts.contains(&text) {
+            return Ok(());
+        }
+        self.file.attach(&text, time_ns)?;
+        self.texts.push(text);
+        Ok(())
+    }
+
+    fn write(
+        &mut self,
+        channel: ChannelId,
+        time_ns: u64,
+        message: &[u8],
+    ) -> Result<RecordingState, RecordingError> {
+        if self.full {
+            return Ok(RecordingState::Full);
+        }
+        let length = self.file.length() + message.len() as u64;
+        match self.options.when_full {
+            WhenFull::Stop if length > self.options.bytes_max => {
+                self.full = true;
+                return Ok(RecordingState::Full);
+            }
+            WhenFull::RemoveOldest if length > self.options.bytes_max / SEGMENTS => {
+                self.next_segment(time_ns)?;
+            }
+            _ => {}
+        }
+        self.put(channel, time_ns, message)?;
+        Ok(RecordingState::Open)
+    }
+
+    fn write_kept(
+        &mut self,
+        channel: ChannelId,
+        time_ns: u64,
+        message: &[u8],
+    ) -> Result<RecordingState, RecordingError> {
+        if let Some(channel) = self.channels.get_mut(channel.index()) {
+            channel.kept = Some(message.to_vec());
+        }
+        self.write(channel, time_ns, message)
     }
 }
 

@@ -6,7 +6,8 @@ use std::path::Path;
 use rcc_recording::cdr::CdrWriter;
 use rcc_recording::file::{AttachedText, ChannelInfo};
 use rcc_recording::read::{ReadEnd, ReadError, read};
-use rcc_recording::recording::{Recording, RecordingOptions, RecordingState, WhenFull};
+use rcc_recording::recording::{Recording, RecordingOptions, WhenFull};
+use rcc_recording::sink::{MessageSink, RecordingState};
 use rcc_recording::table::{Column, Table, TableKey, TableSubject};
 use rcc_testing::folder;
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use rcc_core::message::{Measurement, MonitorRecord};
 
-use super::source::SourceBatch;
+use rcc_reading::source::SourceBatch;
 
 /// Greatest size of what waits, bytes: about half a minute of two arms and twenty monitors at 1 kHz.
 pub const QUEUE_BYTES_MAX: u64 = 256 << 20;

@@ -13,9 +13,9 @@ use serde_json::{Value, json};
 
 use super::hub::{Hub, Update};
 use super::values::{Series, Source};
-use crate::names::CommandDirectory;
-use crate::stream::ExecutorFollower;
 use rcc_protocol::element_kind::ElementKind;
+use rcc_reading::names::CommandDirectory;
+use rcc_reading::stream::ExecutorFollower;
 
 /// Interval at which the stream is polled; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);

@@ -21,10 +21,9 @@ use rcc_recording::cdr::CdrWriter;
 use rcc_recording::device::{DeviceRecorder, RecordedDevice};
 use rcc_recording::file::{AttachedText, ChannelInfo, RecordingError};
 use rcc_recording::messages::{self, LogLevel};
-use rcc_recording::recording::{
-    ChannelId, Recording, RecordingOptions, RecordingSummary, WhenFull,
-};
+use rcc_recording::recording::{Recording, RecordingOptions, RecordingSummary, WhenFull};
 use rcc_recording::schemas::standard;
+use rcc_recording::sink::{ChannelId, MessageSink};
 use rcc_recording::table::{Column, Table, TableKey, TableSubject, field_name};
 
 use super::reason;
