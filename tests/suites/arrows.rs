@@ -172,6 +172,19 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        // Reads what monitors read, and is a client of the loader.
+        "rcc-foxglove",
+        &[
+            "rcc-os",
+            "rcc-protocol",
+            "rcc-process",
+            "rcc-api",
+            "rcc-client",
+            "rcc-reading",
+            "rcc-recording",
+        ],
+    ),
+    (
         // A client of the loader.
         "rcc-robotics-api",
         &[

@@ -1,0 +1,257 @@
+//! The `Input`s of loaded nets as parameters, `NET/INPUT`: of several nets of one name those of the newest. Read from and
+//! set at the loader, by blocking threads of the serving one.
+
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
+
+use rcc_api::bodies::{CommandDetail, CommandView, InputsSet, ValuesView};
+use rcc_api::codes::UNKNOWN_COMMAND;
+use rcc_client::{LoaderClient, RequestError, segment};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use crate::protocol::Parameter;
+use crate::services::loader;
+
+/// Shown for a value that is null; setting it unsets the `Input`. A parameter without a value would not be shown.
+pub const NULL: &str = "null";
+
+/// Why parameters are not set.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ParameterError {
+    /// There is none of this name.
+    #[error("no parameter `{0}`: it is NET/INPUT of a net that is loaded")]
+    Unknown(String),
+    /// The loader refuses, or does not answer.
+    #[error(transparent)]
+    Loader(#[from] RequestError),
+}
+
+/// Names of the inputs of a net; other fields are ignored.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+struct NetInputs {
+    inputs: Vec<InputName>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct InputName {
+    primitive: String,
+    #[serde(default)]
+    topic: Option<String>,
+}
+
+/// Reads and sets parameters.
+#[derive(Debug)]
+pub struct Parameters {
+    cell: String,
+    /// Settable inputs by command id and time of loading: ids begin anew with each executor.
+    known: HashMap<(u64, u64), Vec<String>>,
+}
+
+/// An input: its command and its name there.
+type Place = (u64, String);
+
+impl Parameters {
+    /// Reads and sets those of this cell, which need not run.
+    #[must_use]
+    pub fn of(cell: &str) -> Parameters {
+        Parameters {
+            cell: cell.to_owned(),
+            known: HashMap::new(),
+        }
+    }
+
+    /// Returns the place of each parameter by its name.
+    fn places(&mut self, loader: &LoaderClient) -> Result<BTreeMap<String, Place>, RequestError> {
+        let rows: Vec<CommandView> = loader.get("/commands")?;
+        let lives =
+            |row: &CommandView| matches!(row.state.as_str(), "ready" | "running" | "canceling");
+        let living: Vec<(u64, u64)> = rows
+            .iter()
+            .filter(|row| lives(row))
+            .map(|row| (row.id, row.loaded_at))
+            .collect();
+        self.known.retain(|key, _| living.contains(key));
+        let mut newest: BTreeMap<&str, (u64, u64)> = BTreeMap::new();
+        for row in rows.iter().filter(|row| lives(row)) {
+            let of_name = newest.entry(&row.net).or_default();
+            *of_name = (*of_name).max((row.id, row.loaded_at));
+        }
+        let mut places = BTreeMap::new();
+        for (net, key) in newest {
+            for input in self.inputs(loader, key)? {
+                places.insert(format!("{net}/{input}"), (key.0, input.clone()));
+            }
+        }
+        Ok(places)
+    }
+
+    fn inputs(
+        &mut self,
+        loader: &LoaderClient,
+        key: (u64, u64),
+    ) -> Result<&[String], RequestError> {
+        match self.known.entry(key) {
+            Entry::Occupied(known) => Ok(known.into_mut()),
+            Entry::Vacant(place) => {
+                let detail: CommandDetail = loader.get(&format!("/commands/{}", key.0))?;
+                // A loader that has just been restarted knows the command before its names.
+                let Ok(names) = serde_json::from_value::<NetInputs>(detail.names) else {
+                    return Ok(&[]);
+                };
+                // Inputs that are subscribed to a topic get their value from another net.
+                let settable = names.inputs.into_iter().filter(|one| one.topic.is_none());
+                Ok(place.insert(settable.map(|one| one.primitive).collect()))
+            }
+        }
+    }
+
+    /// Returns the parameters of these names, all of them if there is no name.
+    ///
+    /// # Errors
+    /// Fails if the loader does not answer.
+    pub fn read(&mut self, names: &[String]) -> Result<Vec<Parameter>, RequestError> {
+        let loader = loader(&self.cell)?;
+        let mut wanted: BTreeMap<u64, Vec<(String, String)>> = BTreeMap::new();
+        for (name, (id, input)) in self.places(&loader)? {
+            if names.is_empty() || names.contains(&name) {
+                wanted.entry(id).or_default().push((name, input));
+            }
+        }
+        let mut parameters = Vec::new();
+        for (id, inputs) in wanted {
+            let ports: Vec<String> = inputs
+                .iter()
+                .map(|(_, input)| segment(&format!("{input}.value")))
+                .collect();
+            let path = format!("/commands/{id}/values?ports={}", ports.join(","));
+            let view: ValuesView = match loader.get(&path) {
+                Ok(view) => view,
+                // It was unloaded meanwhile.
+                Err(error) if error.body.code == UNKNOWN_COMMAND.code => continue,
+                Err(error) => return Err(error),
+            };
+            for (name, input) in inputs {
+                let port = format!("{input}.value");
+                let found = view.values.iter().find(|value| value.port == port);
+                parameters.extend(found.map(|found| parameter(name, &found.ty, &found.value)));
+            }
+        }
+        Ok(parameters)
+    }
+
+    /// Sets parameters: those of one net in the same cycle.
+    ///
+    /// # Errors
+    /// Fails if there is no such parameter, or the loader refuses a value; then none of that net is set.
+    pub fn set(&mut self, parameters: &[Parameter]) -> Result<(), ParameterError> {
+        let loader = loader(&self.cell)?;
+        let places = self.places(&loader)?;
+        let mut wanted: BTreeMap<u64, Map<String, Value>> = BTreeMap::new();
+        for parameter in parameters {
+            let place = places.get(&parameter.name);
+            let (id, input) =
+                place.ok_or_else(|| ParameterError::Unknown(parameter.name.clone()))?;
+            let value = match &parameter.value {
+                Some(Value::String(text)) if text == NULL => Value::Null,
+                given => given.clone().unwrap_or(Value::Null),
+            };
+            wanted.entry(*id).or_default().insert(input.clone(), value);
+        }
+        for (id, values) in wanted {
+            let body = Value::Object(values).to_string();
+            let _: InputsSet = loader.put(&format!("/commands/{id}/inputs"), body)?;
+        }
+        Ok(())
+    }
+}
+
+fn parameter(name: String, ty: &str, value: &Value) -> Parameter {
+    // Bool and Int are what JSON says; a Real that is a whole number is not an integer.
+    let is_real = !ty.starts_with("Bool") && !ty.starts_with("Int");
+    let ty = match value {
+        Value::Number(_) if is_real => Some("float64"),
+        Value::Array(elements) if is_real && elements.iter().all(Value::is_number) => {
+            Some("float64_array")
+        }
+        _ => None,
+    };
+    let value = match value {
+        Value::Null => Value::from(NULL),
+        value => value.clone(),
+    };
+    Parameter {
+        name,
+        value: Some(value),
+        ty: ty.map(str::to_owned),
+    }
+}
+
+/// Returns the parameters that are new or have another value, and, without a value, those that are gone.
+#[must_use]
+pub fn changes(before: &[Parameter], now: &[Parameter]) -> Vec<Parameter> {
+    let changed = now.iter().filter(|one| !before.contains(one)).cloned();
+    let is_there = |old: &&Parameter| now.iter().any(|one| one.name == old.name);
+    let gone = before.iter().filter(|old| !is_there(old));
+    let gone = gone.map(|old| Parameter {
+        name: old.name.clone(),
+        value: None,
+        ty: None,
+    });
+    changed.chain(gone).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_real_is_told_as_one_and_null_is_shown() {
+        let of = |ty: &str, value: Value| {
+            let one = parameter("belt/x".into(), ty, &value);
+            (one.value, one.ty)
+        };
+        let real = Some("float64".to_owned());
+        assert_eq!(of("Real", json!(1)), (Some(json!(1)), real));
+        let array = Some("float64_array".to_owned());
+        assert_eq!(
+            of("Real[2]", json!([1, 2.5])),
+            (Some(json!([1, 2.5])), array)
+        );
+        for (ty, value) in [
+            ("Bool", json!(true)),
+            ("Int", json!(3)),
+            ("Pose", json!([1, null])),
+        ] {
+            assert_eq!(of(ty, value.clone()), (Some(value), None));
+        }
+        assert_eq!(of("Real", Value::Null), (Some(json!("null")), None));
+    }
+
+    #[test]
+    fn changed_new_and_removed_parameters_are_told() {
+        let one = |name: &str, value: Option<Value>| Parameter {
+            name: name.into(),
+            value,
+            ty: None,
+        };
+        let before = [
+            one("a", Some(json!(1))),
+            one("b", Some(json!(1))),
+            one("c", Some(json!(1))),
+        ];
+        let now = [
+            one("a", Some(json!(1))),
+            one("b", Some(json!(2))),
+            one("d", Some(json!(3))),
+        ];
+        let told = [
+            one("b", Some(json!(2))),
+            one("d", Some(json!(3))),
+            one("c", None),
+        ];
+        assert_eq!(changes(&before, &now), told);
+    }
+}
