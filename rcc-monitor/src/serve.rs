@@ -38,6 +38,7 @@ mod poll;
 mod records;
 mod routes;
 mod sampling;
+mod triggers;
 mod values;
 mod viewer;
 

@@ -151,6 +151,28 @@ async function main() {
     await picture(page, "scope");
   });
 
+  await step("the executor judges the trigger of the scope, and writes an incident", async () => {
+    const incidents = async () => (await cell.rest("GET", "/incidents")).body;
+    await page.selectOption("[aria-label=Condition]", "null");
+    assert.ok(await page.isDisabled("button:has-text('Arm at the executor')"), "no condition says this");
+    await page.selectOption("[aria-label=Condition]", "above");
+    await page.fill("[aria-label=Level]", "50");
+    await page.dispatchEvent("[aria-label=Level]", "change");
+    await page.click("button:has-text('Arm at the executor')");
+    // It never holds, and is taken back.
+    await page.click("[aria-label='Disarm belt.soft.out > 50']");
+    await page.waitForFunction(() => !document.querySelector("[aria-label^=Disarm]"));
+    const before = (await incidents()).length;
+    await page.selectOption("[aria-label=Condition]", "rising");
+    await page.fill("[aria-label=Level]", "0.2");
+    await page.dispatchEvent("[aria-label=Level]", "change");
+    await page.click("button:has-text('Arm at the executor')");
+    await until("the incident", async () => (await incidents()).length > before);
+    const newest = (await incidents()).find((one) => one.reason === "trigger");
+    assert.equal(newest.condition, "belt.soft.out > 0.2");
+    await page.waitForFunction(() => !document.querySelector("[aria-label^=Disarm]"));
+  });
+
   await step("an arm moves in 3D, while it is commanded and while it rests", async () => {
     await go(page, "arms");
     await page.waitForSelector(".arm-list .card:has-text('told by the driver')");

@@ -294,3 +294,47 @@ fn a_net_is_drawn_and_an_incident_is_evaluated_again() {
     drop(server);
     cell.stop();
 }
+
+#[test]
+fn a_page_arms_a_condition_at_the_executor_and_disarms_no_other_rule() {
+    let cell = TestCell::demo();
+    let id = cell.run(&net("belt.yaml"));
+    // A page that may not start nets may arm: such a rule only records.
+    let server = DashboardServer::start(&cell, &["--no-start"]);
+    let arm = |body: &Value| server.own("POST", "/api/triggers", &body.to_string());
+    let armed = arm(&json!({"when": "belt.soft.out > 0.1", "edge": true}));
+    assert_eq!(armed.status, 200, "{armed:?}");
+    let listed = server.own("GET", "/api/triggers", "").json();
+    assert_eq!(listed[0]["when"], "belt.soft.out > 0.1");
+    assert_eq!(listed[0]["record"]["edge"], true);
+    for refused in [
+        json!({"when": "belt.none.out > 1", "edge": true}),
+        json!({"when": "belt.soft.out > 1"}),
+        json!({"when": "true", "edge": true, "start": ["belt"]}),
+    ] {
+        assert!(arm(&refused).status >= 400, "{refused}");
+    }
+    let set = cell.rest(
+        "PUT",
+        &format!("/commands/{id}/inputs"),
+        r#"{"speed": 0.3}"#,
+    );
+    assert_eq!(set.status, 200, "{set:?}");
+    await_some("the incident", || {
+        let incidents = cell.rest("GET", "/incidents", "").body;
+        let mut rows = incidents.as_array()?.iter();
+        rows.any(|row| row["condition"] == "belt.soft.out > 0.1")
+            .then_some(())
+    });
+    // A rule that cancels is none of its business.
+    let rule = json!({"rules": [{"when": "belt.soft.out > 0.9", "cancel": ["belt"], "on_client_loss": "go on"}]});
+    let installed = cell.rest("POST", "/rules", &rule.to_string());
+    assert_eq!(installed.status, 200, "{installed:?}");
+    let disarm = |rule: &Value| server.own("POST", &format!("/api/triggers/{rule}/disarm"), "");
+    assert_eq!(disarm(&installed.body["rules"][0]["rule"]).status, 404);
+    let waiting = arm(&json!({"when": "belt.soft.out > 0.8", "edge": false})).json();
+    assert_eq!(disarm(&waiting["rules"][0]["rule"]).status, 200);
+    cell.done(id, "cancel");
+    drop(server);
+    cell.stop();
+}

@@ -22,7 +22,7 @@ use tokio::sync::Semaphore;
 use super::Server;
 use super::access::{Access, guard};
 use super::hub::{PORTS_MAX, RATE_MAX, VIEWERS_MAX, Watch};
-use super::{assets, drawings, incidents, metrics, viewer};
+use super::{assets, drawings, incidents, metrics, triggers, viewer};
 
 /// Maximum size of a request's body, bytes.
 const BODY_MAX: usize = 16 << 10;
@@ -35,7 +35,8 @@ const MONITOR_RATE_MAX: f64 = 10_000.0;
 pub struct Refused(ErrorBody);
 
 impl Refused {
-    fn new(code: ErrorCode, message: impl Into<String>, help: &str) -> Refused {
+    /// Creates the answer of an error.
+    pub fn new(code: ErrorCode, message: impl Into<String>, help: &str) -> Refused {
         Refused(ApiError::new(code, message, help).body())
     }
 }
@@ -54,7 +55,8 @@ impl IntoResponse for Refused {
     }
 }
 
-type Answered = Result<Response, Refused>;
+/// The answer to a request.
+pub type Answered = Result<Response, Refused>;
 type Shared = State<Arc<Server>>;
 
 /// Creates the router.
@@ -72,6 +74,8 @@ pub fn router(server: Arc<Server>, access: Arc<Access>) -> Router {
         .route("/api/nets/{id}/{stop}", post(stop))
         .route("/api/timing", get(timing))
         .route("/api/acknowledge", post(acknowledge))
+        .route("/api/triggers", get(triggers::list).post(triggers::arm))
+        .route("/api/triggers/{rule}/disarm", post(triggers::disarm))
         .route("/api/incidents", get(list_incidents).post(record_incident))
         .route("/api/incidents/{file}", get(incident))
         .route("/api/incidents/{file}/values", get(incident_values))
@@ -86,7 +90,7 @@ async fn no_route() -> Refused {
 }
 
 /// Passes the loader's answer on, with its status.
-async fn passed(server: &Server, method: Method, path: &str, body: String) -> Answered {
+pub async fn passed(server: &Server, method: Method, path: &str, body: String) -> Answered {
     let answer = server.loader.request(method, path, body).await?;
     let status = StatusCode::from_u16(answer.status).unwrap_or(StatusCode::BAD_GATEWAY);
     server.hub.poll.notify_one();

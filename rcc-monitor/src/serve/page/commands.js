@@ -71,4 +71,22 @@ export async function recordIncident() {
   return answer;
 }
 
+/** Arms a condition at the executor, which judges it in every cycle and writes one incident. */
+export async function armTrigger(when, edge) {
+  const { answer, error } = await post("/api/triggers", { when, edge });
+  if (error) failed(error);
+  else note(`Armed: ${when}`, "good", "The executor judges it in every cycle, also when this page is closed.");
+  return answer;
+}
+
+export async function disarmTrigger(rule) {
+  const { error } = await post(`/api/triggers/${rule}/disarm`);
+  if (error) failed(error);
+}
+
+export async function armedTriggers() {
+  const { answer } = await getJson("/api/triggers");
+  return answer?.filter((one) => one.state === "armed" || one.state === "due") ?? [];
+}
+
 export const activeNets = () => [...state.nets.values()].filter(isActive);

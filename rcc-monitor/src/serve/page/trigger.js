@@ -1,5 +1,20 @@
 // The trigger of the scope. Pure.
 
+/**
+ * Returns the trigger as a condition of a rule, for the executor: its text, and whether it waits for an edge; null if no
+ * condition says the same.
+ */
+export function condition({ net, port, type, width }, index, edge, level) {
+  const name = `${net}.${port}${width > 1 ? `[${index}]` : ""}`;
+  const isBool = type?.startsWith("Bool");
+  const when = {
+    rising: isBool ? name : `${name} > ${level}`, above: isBool ? name : `${name} > ${level}`,
+    falling: isBool ? `not ${name}` : `${name} < ${level}`, below: isBool ? `not ${name}` : `${name} < ${level}`,
+  }[edge];
+  // A condition names one truth value, not an element of several.
+  return when === undefined || (isBool && width > 1) ? null : { when, edge: edge === "rising" || edge === "falling" };
+}
+
 /** Returns the time at which a condition is first met after `from`, or null, and whether it was true at the last sample. */
 export function crossing({ times, column, length }, from, edge, level, before) {
   let last = before;

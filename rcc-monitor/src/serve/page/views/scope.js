@@ -2,14 +2,14 @@
 // of their rate, others are sampled at up to 250 Hz; the flight recorder has every cycle of every port, so a trigger may
 // have it written to a file.
 
-import { recordIncident } from "../commands.js";
+import { armTrigger, armedTriggers, disarmTrigger, recordIncident } from "../commands.js";
 import { h, note, setText } from "../dom.js";
 import { element } from "../format.js";
 import { COLOURS, csv, download, drawLevel, drawLine, joined, makePlot, onPoint } from "../plot.js";
 import { portPicker } from "../picker.js";
 import { elementName } from "../series.js";
 import { on, series, state, watch } from "../stream.js";
-import { crossing } from "../trigger.js";
+import { condition, crossing } from "../trigger.js";
 
 const SPANS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 const CHANNELS_MAX = 8;
@@ -39,13 +39,15 @@ export function open(view) {
   const repeat = h("button", { onclick: () => { kept.repeat = true; rearm(); } }, "Repeat");
   const stop = h("button.quiet", { onclick: () => { phase = "stopped"; show(); }, "aria-keyshortcuts": "Space" }, "Stop");
   const incident = h("input", { type: "checkbox", checked: kept.incident, onchange: () => { kept.incident = incident.checked; } });
+  const atExecutor = h("button.quiet", { onclick: armAtExecutor, title: "The executor judges the condition in every cycle and writes one incident, also when this page is closed" }, "Arm at the executor");
+  const armed = h("div.chips", { "aria-label": "Armed at the executor" });
   const save = h("button.quiet", { onclick: saveCsv }, "CSV");
   const status = h("span.badge", { role: "status" });
   const chips = h("div.chips"), place = h("div.plot.tall", { role: "img", "aria-label": "Captured curves" }), cursors = h("div.cursors", { "aria-label": "Cursors" });
   const hint = h("p.empty", {}, "Add channels; the first one triggers. A click sets cursor A, with Shift cursor B.");
   view.append(h("div.bar", {}, picker, single, repeat, stop, status, save),
-    h("div.bar", {}, h("span.dim", {}, "Trigger when"), triggers, edges, level, spans, before, h("label", { title: "The flight recorder has every cycle of every port" }, incident, " write an incident")),
-    chips, hint, place, cursors);
+    h("div.bar", {}, h("span.dim", {}, "Trigger when"), triggers, edges, level, spans, before, h("label", { title: "The flight recorder has every cycle of every port" }, incident, " write an incident"), atExecutor),
+    armed, chips, hint, place, cursors);
 
   let phase = "stopped", armedFrom = 0, searchedTo = 0, at = null, shot = null, made = null, marks = [null, null], lastShot = 0, wasTrue = null;
 
@@ -60,6 +62,25 @@ export function open(view) {
       h("button", { "aria-label": `Remove ${pattern(one)}`, onclick: () => { kept.channels = kept.channels.filter((other) => other !== one); choose(); } }, "×"))));
     hint.hidden = kept.channels.length > 0;
     rearm();
+  }
+
+  /** The trigger as a condition of the executor; null if there is none that says the same. */
+  function asCondition() {
+    const [name, index] = kept.trigger.split("|");
+    const channel = kept.channels.find((one) => pattern(one) === name);
+    return channel ? condition(channel, Number(index), kept.edge, kept.level) : null;
+  }
+
+  async function armAtExecutor() {
+    const wanted = asCondition();
+    if (wanted) await armTrigger(wanted.when, wanted.edge);
+    showArmed();
+  }
+
+  async function showArmed() {
+    const all = await armedTriggers();
+    armed.replaceChildren(...all.map((one) => h("span.chip", {}, `armed: ${one.when}`,
+      h("button", { "aria-label": `Disarm ${one.when}`, onclick: async () => { await disarmTrigger(one.rule); showArmed(); } }, "×"))));
   }
 
   function source() {
@@ -182,6 +203,7 @@ export function open(view) {
     setText(status, words[phase]);
     status.className = `badge ${{ armed: "warn", triggered: "run", complete: "good" }[phase] ?? "calm"}`;
     single.setAttribute("aria-pressed", String(!kept.repeat && phase !== "stopped"));
+    atExecutor.disabled = !asCondition();
     repeat.setAttribute("aria-pressed", String(kept.repeat && phase !== "stopped"));
   }
 
@@ -214,8 +236,9 @@ export function open(view) {
   const off = [on("values", take), on("refused", () => {
     const text = kept.channels.map((one) => state.refused[pattern(one)]).filter(Boolean).join("; ");
     if (text) setText(status, text);
-  }), picker.stop];
+  }), on("events", (data) => { if (data.events.some((event) => event.kind === "incident-written")) showArmed(); }), picker.stop];
   choose();
+  showArmed();
   return () => {
     removeEventListener("keydown", keys);
     watch("scope", null);
