@@ -98,13 +98,20 @@ impl Dashboard {
         }
     }
 
-    /// Opens the page in the desktop's browser, if there is a desktop; returns false if not.
+    /// Opens the page with the program that `BROWSER` names, or else in the desktop's browser; returns false if there is
+    /// neither.
     pub fn show(&self) -> bool {
-        let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-        if !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY") {
-            return false;
-        }
-        let mut opener = Command::new("xdg-open");
+        let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+        let mut opener = match variable("BROWSER") {
+            Some(program) => Command::new(program),
+            None if variable("DISPLAY")
+                .or(variable("WAYLAND_DISPLAY"))
+                .is_some() =>
+            {
+                Command::new("xdg-open")
+            }
+            None => return false,
+        };
         let opener = opener
             .arg(&self.address)
             .stdin(Stdio::null())

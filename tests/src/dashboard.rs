@@ -45,6 +45,37 @@ pub struct PageStream {
     pub viewer: u64,
 }
 
+fn connect(port: u16) -> io::Result<TcpStream> {
+    let stream = TcpStream::connect(("127.0.0.1", port))?;
+    stream.set_read_timeout(Some(LIMIT))?;
+    Ok(stream)
+}
+
+/// Sends a request with these header lines to the dashboard at this port of 127.0.0.1 and reads the whole answer.
+pub fn request(port: u16, (method, path): (&str, &str), lines: &str, body: &str) -> PageReply {
+    let mut stream = connect(port).expect("the dashboard listens");
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nconnection: close\r\ncontent-type: application/json\r\n{lines}content-length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    stream
+        .write_all(head.as_bytes())
+        .expect("the request is sent");
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).expect("an answer");
+    let answer = String::from_utf8_lossy(&answer).into_owned();
+    let (head, body) = answer.split_once("\r\n\r\n").expect("a head");
+    let status = head
+        .split(' ')
+        .nth(1)
+        .and_then(|status| status.parse().ok());
+    PageReply {
+        status: status.expect("a status"),
+        head: head.to_lowercase(),
+        body: body.to_owned(),
+    }
+}
+
 impl DashboardServer {
     /// Starts the dashboard of a cell on any free port and waits for its address.
     pub fn start(cell: &CellFixture, arguments: &[&str]) -> DashboardServer {
@@ -93,27 +124,7 @@ impl DashboardServer {
 
     /// Sends a request with these header lines and reads the whole answer.
     pub fn request(&self, method: &str, path: &str, lines: &str, body: &str) -> PageReply {
-        let mut stream = self.connect().expect("the dashboard listens");
-        let head = format!(
-            "{method} {path} HTTP/1.1\r\nconnection: close\r\ncontent-type: application/json\r\n{lines}content-length: {}\r\n\r\n{body}",
-            body.len()
-        );
-        stream
-            .write_all(head.as_bytes())
-            .expect("the request is sent");
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).expect("an answer");
-        let answer = String::from_utf8_lossy(&answer).into_owned();
-        let (head, body) = answer.split_once("\r\n\r\n").expect("a head");
-        let status = head
-            .split(' ')
-            .nth(1)
-            .and_then(|status| status.parse().ok());
-        PageReply {
-            status: status.expect("a status"),
-            head: head.to_lowercase(),
-            body: body.to_owned(),
-        }
+        request(self.port, (method, path), lines, body)
     }
 
     /// Sends a request of its own page.
@@ -123,7 +134,7 @@ impl DashboardServer {
 
     /// Opens the stream of a page.
     pub fn open(&self) -> PageStream {
-        let mut stream = self.connect().expect("the dashboard listens");
+        let mut stream = connect(self.port).expect("the dashboard listens");
         let head = format!("GET /api/stream HTTP/1.1\r\n{}\r\n", self.own_lines());
         stream
             .write_all(head.as_bytes())
@@ -151,12 +162,6 @@ impl DashboardServer {
     pub fn interrupt(mut self) -> Option<i32> {
         signal(self.child.id(), Signal::SIGINT);
         self.child.wait().expect("it is a child").code()
-    }
-
-    fn connect(&self) -> io::Result<TcpStream> {
-        let stream = TcpStream::connect(("127.0.0.1", self.port))?;
-        stream.set_read_timeout(Some(LIMIT))?;
-        Ok(stream)
     }
 }
 

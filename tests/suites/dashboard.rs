@@ -1,10 +1,17 @@
 //! The dashboard beside real cells: who is let in, what pages are sent, and what they can do. Each test has a cell of its
 //! own; run by the threads of the test harness.
 
+use std::fs::Permissions;
+use std::io::Read;
+use std::net::TcpStream;
+use std::os::unix::fs::PermissionsExt;
+use std::process::{Command, Stdio};
+
 use nix::sys::signal::Signal;
 use rcc_protocol::Role;
-use rcc_tests::dashboard::DashboardServer;
-use rcc_tests::processes::signal;
+use rcc_tests::dashboard::{DashboardServer, request};
+use rcc_tests::processes::{ends_with_test, signal};
+use rcc_tests::programs::program;
 use rcc_tests::{TestCell, await_some, repository};
 use serde_json::{Value, json};
 
@@ -337,4 +344,54 @@ fn a_page_arms_a_condition_at_the_executor_and_disarms_no_other_rule() {
     cell.done(id, "cancel");
     drop(server);
     cell.stop();
+}
+
+#[test]
+fn the_demo_opens_its_dashboard() {
+    let folder = rcc_testing::folder();
+    let opened = folder.path().join("opened");
+    let browser = folder.path().join("browser");
+    let script = format!(
+        "#!/bin/sh\nprintf %s \"$1\" > {0}.new && mv {0}.new {0}\n",
+        opened.display()
+    );
+    std::fs::write(&browser, script).expect("the script is written");
+    std::fs::set_permissions(&browser, Permissions::from_mode(0o700)).expect("its mode is set");
+    let mut demo = Command::new(program("rcc-cli"));
+    demo.args(["demo", "--open"])
+        .env("RCC_RUNTIME_DIR", folder.path())
+        .env("RCC_STATE_DIR", folder.path().join("state"))
+        .env("BROWSER", &browser)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .current_dir(repository());
+    let mut demo = ends_with_test(&mut demo).spawn().expect("the demo starts");
+    let address = await_some("the browser", || std::fs::read_to_string(&opened).ok());
+    let (port, path) = address
+        .strip_prefix("http://127.0.0.1:")
+        .and_then(|rest| rest.split_once('/'))
+        .expect("the page's address");
+    let port: u16 = port.parse().expect("a port");
+    let host = format!("host: 127.0.0.1:{port}\r\n");
+    let first = request(port, ("GET", &format!("/{path}")), &host, "");
+    assert_eq!(first.status, 303, "{first:?}");
+    let token = path.strip_prefix("?token=").expect("a token");
+    let cookie = format!("{host}cookie: rcc-dashboard-{port}={token}\r\n");
+    let page = request(port, ("GET", "/"), &cookie, "");
+    assert!(page.body.contains("<title>"), "{page:?}");
+    signal(demo.id(), Signal::SIGINT);
+    let mut output = String::new();
+    let mut pipe = demo.stdout.take().expect("a pipe");
+    pipe.read_to_string(&mut output).expect("text");
+    assert!(
+        output.contains(&format!("dashboard: {address}")),
+        "{output}"
+    );
+    // The figures, or the time after them, were interrupted.
+    let code = demo.wait().expect("it is a child").code();
+    assert!(matches!(code, Some(130 | 0)), "{code:?} {output}");
+    assert!(
+        TcpStream::connect(("127.0.0.1", port)).is_err(),
+        "the dashboard ends with it"
+    );
 }
