@@ -1,6 +1,6 @@
-//! Measures a recording of a cell with two simulated arms and twenty monitors at the full rate: size, processor time and memory of the recorder,
-//! what it lost, and late cycles with and without it, in turns. Usage:
-//! `cargo run --release -p rcc-tests --example recording -- --seconds 600`.
+//! Measures a recording of a cell with two simulated arms and twenty monitors at the full rate: size, processor time and
+//! memory of the recorder, what it lost, and the cycles with and without it, in turns. Usage:
+//! `cargo run --release -p rcc-tests --example recording -- --seconds 3600`.
 
 use std::fs;
 use std::process::{Child, Stdio};
@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use nix::sys::signal::Signal;
+use rcc_tests::cycle_times::{CycleTimes, pinned, watched_net};
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::{TestCell, await_some, repository};
 use serde_json::Value;
@@ -23,26 +24,10 @@ struct Arguments {
     rounds: u32,
 }
 
-/// Twenty monitors at 1 kHz.
-fn net() -> String {
-    let mut text = String::from(
-        "net: watched\nprimitives:\n  cancel: {type: Cancel}\n  clock: {type: Time}\n  end: {type: Termination, inputs: \
-         {done: cancel.requested}}\n",
-    );
-    let mut monitor = |name: &str, port: &str| {
-        text.push_str(&format!(
-            "  see_{name}: {{type: Monitor, parameters: {{rate: 1000 Hz}}, inputs: {{value: {port}}}}}\n"
-        ));
-    };
-    for number in 0..20 {
-        monitor(&format!("n{number}"), "clock.out");
-    }
-    text
-}
-
 fn recorder(cell: &TestCell, round: u32) -> Child {
     let mut recorder = cell.program("rcc-monitor");
-    recorder.args(["record", "--output", "json"]);
+    // An hour is larger than the default.
+    recorder.args(["record", "--output", "json", "--max-size", "100GB"]);
     recorder.arg(std::env::temp_dir().join(file_name(round)));
     recorder.stdout(Stdio::piped());
     ends_with_test(&mut recorder)
@@ -81,51 +66,55 @@ fn usage(pid: u32) -> (f64, f64) {
     (seconds, peak.unwrap_or(0.0) / 1024.0)
 }
 
+/// Records for `duration`; returns the cycles meanwhile, and a line about the recorder.
+fn recorded(cell: &TestCell, round: u32, duration: Duration) -> (CycleTimes, String) {
+    let recorder = recorder(cell, round);
+    let path = std::env::temp_dir().join(file_name(round));
+    await_some("the file", || path.exists().then_some(()));
+    let (cpu_before, _) = usage(recorder.id());
+    let times = CycleTimes::during(cell, || std::thread::sleep(duration));
+    let (cpu_s, peak_mb) = usage(recorder.id());
+    signal(recorder.id(), Signal::SIGINT);
+    let ended = recorder.wait_with_output().expect("it ends");
+    let report: Value = serde_json::from_slice(&ended.stdout).expect("a report");
+    fs::remove_file(path).expect("our file");
+    assert_eq!(report["end"], "signal", "it recorded to the end: {report}");
+    let number = |name: &str| report[name].as_f64().unwrap_or(0.0);
+    let megabytes = number("bytes") * 1e-6;
+    let line = format!(
+        "recorder: {megabytes:.1} MB in {:.1} s, {:.0} MB an hour, {:.1} % of a core, at most {peak_mb:.0} MB of memory; lost {}, \
+         missed {}, incomplete {}",
+        number("span_s"),
+        megabytes / number("span_s").max(1e-9) * 3600.0,
+        (cpu_s - cpu_before) / duration.as_secs_f64() * 100.0,
+        report["lost"],
+        report["missed"],
+        report["incomplete"],
+    );
+    (times, line)
+}
+
 fn main() {
     rcc_tests::cell::without_time_limit();
     let Arguments { seconds, rounds } = Arguments::parse();
     let config = repository().join("configs/cells/two-arms.yaml");
-    let cell = TestCell::start(&config, |text| text);
-    let watched = cell.run(&net());
-    let boards = cell.watch();
+    let cell = TestCell::start(&config, pinned);
+    let watched = cell.run(&watched_net());
     let duration = Duration::from_secs_f64(seconds);
-    let counts = || {
-        let status = boards.status();
-        (status.cycle, status.late)
-    };
-    println!("part, cycles, late, MB, MB/h, recorder CPU %, recorder MB, lost, missed, incomplete");
+    let (mut alone, mut beside) = (CycleTimes::default(), CycleTimes::default());
+    println!("{}", CycleTimes::HEADING);
     for round in 0..rounds {
-        let (cycle, late) = counts();
-        std::thread::sleep(duration);
-        let now = counts();
-        println!("alone, {}, {}", now.0 - cycle, now.1 - late);
-
-        let recorder = recorder(&cell, round);
-        let path = std::env::temp_dir().join(file_name(round));
-        await_some("the file", || path.exists().then_some(()));
-        let (cycle, late) = counts();
-        std::thread::sleep(duration);
-        let now = counts();
-        let (cpu_s, peak_mb) = usage(recorder.id());
-        signal(recorder.id(), Signal::SIGINT);
-        let ended = recorder.wait_with_output().expect("it ends");
-        let report: Value = serde_json::from_slice(&ended.stdout).expect("a report");
-        let megabytes = report["bytes"].as_f64().unwrap_or(0.0) * 1e-6;
-        println!(
-            "recorded, {}, {}, {megabytes:.1}, {:.0}, {:.1}, {peak_mb:.0}, {}, {}, {}",
-            now.0 - cycle,
-            now.1 - late,
-            megabytes / seconds * 3600.0,
-            cpu_s / seconds * 100.0,
-            report["lost"],
-            report["missed"],
-            report["incomplete"],
-        );
-        fs::remove_file(path).expect("our file");
+        let part = CycleTimes::during(&cell, || std::thread::sleep(duration));
+        println!("{}", part.row("alone"));
+        alone.add(&part);
+        let (part, line) = recorded(&cell, round, duration);
+        println!("{}\n{line}", part.row("recorded"));
+        beside.add(&part);
     }
+    println!("{}", alone.row("all alone"));
+    println!("{}", beside.row("all recorded"));
+    println!("{}", beside.compared(&alone));
     cell.done(watched, "cancel");
     cell.assert_ends(watched, "canceled");
-    // Its files are the cell's, which must leave nothing.
-    drop(boards);
     cell.stop();
 }

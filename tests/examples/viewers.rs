@@ -1,93 +1,126 @@
-//! Effect of ten open dashboards on the executor: its cycles without and with them, in one run, on a net of two moving
-//! values in the demo's cell. Run by a person: `cargo run --release -p rcc-tests --example viewers -- --seconds 30`.
+//! Effect of ten open dashboards, a `tail` and a recording on the executor: parts without and with them take turns in one run
+//! of the demo's cell, in which three nets with moving values and twenty monitors at 1 kHz run. Run by a person:
+//! `cargo run --release -p rcc-tests --example viewers -- --seconds 60 --rounds 3`.
 
-use std::time::{Duration, Instant};
+use std::process::{Child, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
+use clap::Parser;
+use nix::sys::signal::Signal;
+use rcc_tests::cycle_times::{CycleTimes, pinned, watched_net};
 use rcc_tests::dashboard::DashboardServer;
-use rcc_tests::{TestCell, repository};
-use serde_json::Value;
+use rcc_tests::processes::{ends_with_test, signal};
+use rcc_tests::{TestCell, await_some, repository};
 
 /// Open pages.
 const VIEWERS: usize = 10;
 
-fn main() {
-    let mut arguments = std::env::args().skip(1);
-    let seconds = match (arguments.next().as_deref(), arguments.next()) {
-        (Some("--seconds"), Some(text)) => text.parse().expect("a number of seconds"),
-        (None, _) => 30.0,
-        _ => panic!("usage: viewers [--seconds SECONDS]"),
-    };
-    let span = Duration::from_secs_f64(seconds);
-    rcc_tests::cell::without_time_limit();
-    let cell = TestCell::demo();
-    for name in ["belt.yaml", "touch.yaml"] {
-        let text = std::fs::read_to_string(repository().join("configs/nets").join(name));
-        cell.run(&text.expect("the example"));
-    }
-    println!(
-        "pages  cycles  late  wake-up: median  99 %  99.9 %  longest  computing: median  99 %  99.9 %  longest"
-    );
-    print_row(0, &measured(&cell, || std::thread::sleep(span)));
-    let server = DashboardServer::start(&cell, &[]);
-    let pages: Vec<_> = (0..VIEWERS)
-        .map(|_| {
-            let page = server.open();
-            server.watch(&page, &["belt/*", "touch/*"], 250.0);
-            page
-        })
-        .collect();
-    let begun = Instant::now();
-    let mut counts = Vec::new();
-    let row = measured(&cell, || {
-        let readers = pages.into_iter().map(|mut page| {
+/// Compares the executor's cycles alone and beside viewers.
+#[derive(Parser)]
+struct Arguments {
+    /// Duration of each part, s.
+    #[arg(long, default_value_t = 30.0)]
+    seconds: f64,
+    /// Number of parts without, and as many with viewers.
+    #[arg(long, default_value_t = 2)]
+    rounds: u32,
+}
+
+/// What looks at the cell.
+struct Viewers {
+    server: DashboardServer,
+    pages: Vec<JoinHandle<u64>>,
+    is_over: Arc<AtomicBool>,
+    programs: Vec<Child>,
+    file: std::path::PathBuf,
+}
+
+impl Viewers {
+    /// Starts everything, and returns when all pages see values and the recording has begun.
+    fn start(cell: &TestCell) -> Viewers {
+        let server = DashboardServer::start(cell, &[]);
+        let is_over = Arc::new(AtomicBool::new(false));
+        let pages = (0..VIEWERS).map(|_| {
+            let mut page = server.open();
+            server.watch(&page, &["belt/*", "touch/*", "watched/clock.out"], 250.0);
+            page.next("values");
+            let is_over = Arc::clone(&is_over);
             std::thread::spawn(move || {
-                let mut batches = 0_u64;
-                while begun.elapsed() < span {
+                let mut batches = 0;
+                // Relaxed: a flag; nothing else is passed with it.
+                while !is_over.load(Ordering::Relaxed) {
                     batches += u64::from(page.next_event().0 == "values");
                 }
                 batches
             })
         });
-        let readers: Vec<_> = readers.collect();
-        counts = readers
-            .into_iter()
-            .map(|reader| reader.join().expect("a reader"))
-            .collect();
-    });
-    print_row(VIEWERS, &row);
-    let total: u64 = counts.iter().sum();
-    let least = counts.iter().min().copied().unwrap_or(0);
-    println!("{total} batches of values were read, at least {least} by each page");
+        let pages = pages.collect();
+        let file = cell.folder().join("viewers.mcap");
+        let program = |arguments: &[&str]| {
+            let mut command = cell.program("rcc-monitor");
+            command.args(arguments).stdout(Stdio::null());
+            ends_with_test(&mut command)
+                .spawn()
+                .expect("rcc-monitor runs")
+        };
+        let path = file.display().to_string();
+        let programs = vec![program(&["tail"]), program(&["record", &path])];
+        await_some("the recording", || file.exists().then_some(()));
+        Viewers {
+            server,
+            pages,
+            is_over,
+            programs,
+            file,
+        }
+    }
+
+    /// Ends everything; returns the fewest batches that a page has read.
+    fn end(self) -> u64 {
+        self.is_over.store(true, Ordering::Relaxed);
+        let counts = self.pages.into_iter().map(|page| page.join());
+        let counts: Result<Vec<u64>, _> = counts.collect();
+        for mut program in self.programs {
+            signal(program.id(), Signal::SIGINT);
+            program.wait().expect("it is a child");
+        }
+        std::fs::remove_file(self.file).expect("our file");
+        drop(self.server);
+        let counts = counts.expect("the readers do not panic");
+        counts.into_iter().min().unwrap_or(0)
+    }
+}
+
+fn main() {
+    let Arguments { seconds, rounds } = Arguments::parse();
+    let span = Duration::from_secs_f64(seconds);
+    rcc_tests::cell::without_time_limit();
+    let cell = TestCell::changed(pinned);
+    for name in ["belt.yaml", "touch.yaml"] {
+        let text = std::fs::read_to_string(repository().join("configs/nets").join(name));
+        cell.run(&text.expect("the example"));
+    }
+    cell.run(&watched_net());
+    let (mut alone, mut beside) = (CycleTimes::default(), CycleTimes::default());
+    let mut least = u64::MAX;
+    println!("{}", CycleTimes::HEADING);
+    for _ in 0..rounds {
+        let part = CycleTimes::during(&cell, || std::thread::sleep(span));
+        println!("{}", part.row("alone"));
+        alone.add(&part);
+        let viewers = Viewers::start(&cell);
+        let part = CycleTimes::during(&cell, || std::thread::sleep(span));
+        least = least.min(viewers.end());
+        println!("{}", part.row("with viewers"));
+        beside.add(&part);
+    }
+    println!("{}", alone.row("all alone"));
+    println!("{}", beside.row("all with"));
+    println!("{}", beside.compared(&alone));
+    println!("each of {VIEWERS} pages read at least {least} batches of values in a part");
     assert!(least > 0, "a page saw no values");
-    drop(server);
     cell.interrupt();
-}
-
-/// Resets the executor's histograms, waits, and returns them with the number of late cycles.
-fn measured(cell: &TestCell, wait: impl FnOnce()) -> Value {
-    let reset = cell.rest("POST", "/status/acknowledge", "");
-    assert_eq!(reset.status, 200, "{reset:?}");
-    wait();
-    let mut timing = cell.rest("GET", "/timing", "").body;
-    let executor = cell.rest("GET", "/status", "").body["executor"].clone();
-    let of = |name: &str| executor[name].as_u64().unwrap_or(0);
-    timing["late"] = Value::from(of("late") - of("late_acknowledged"));
-    timing
-}
-
-fn print_row(pages: usize, timing: &Value) {
-    let us =
-        |histogram: &str, name: &str| timing[histogram][name].as_u64().unwrap_or(0) as f64 / 1e3;
-    let four = |histogram: &str| {
-        ["p50_ns", "p99_ns", "p999_ns", "max_ns"]
-            .map(|name| format!("{:.1} µs", us(histogram, name)))
-            .join("  ")
-    };
-    println!(
-        "{pages}  {}  {}  {}  {}",
-        timing["exec"]["count"],
-        timing["late"],
-        four("wake"),
-        four("exec")
-    );
 }

@@ -4,6 +4,7 @@
 pub mod cell;
 pub mod cell_fixture;
 pub mod census;
+pub mod cycle_times;
 pub mod dashboard;
 pub mod endurance;
 pub mod flood;
