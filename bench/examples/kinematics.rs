@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::write(poses, opw_poses(&other, &arm, &positions))?;
         ("3.0", opw_figures(&other, &positions))
     } else {
-        fs::write(chain, chain_of(&arm))?;
+        fs::write(chain, chain_of(&arm)?)?;
         fs::write(poses, our_poses(&arm, &positions))?;
         (env!("CARGO_PKG_VERSION"), our_figures(&arm, &positions))
     };
@@ -76,7 +76,7 @@ fn read_positions(path: &str) -> Result<Vec<Joints>, Box<dyn Error>> {
 
 /// Returns the chain as axes and origins: the flange in the last joint's frame, then axis, origin, zero and sign of
 /// each joint.
-fn chain_of(arm: &Arm) -> String {
+fn chain_of(arm: &Arm) -> Result<String, Box<dyn Error>> {
     const Y: [f64; 3] = [0.0, 1.0, 0.0];
     const Z: [f64; 3] = [0.0, 0.0, 1.0];
     let up = |z: f64| [0.0, 0.0, z];
@@ -110,12 +110,13 @@ fn chain_of(arm: &Arm) -> String {
             let joints = joints.map(|(joint, (zero, sign))| (joint, zero, sign));
             (arm.wrist_to_flange, joints.collect())
         }
+        Arm::Serial(_) => return Err("the format of chains is for arms in closed form".into()),
     };
     let mut text = format!("0 0 {tip:?}\n");
     for (([ax, ay, az], [x, y, z]), zero, sign) in joints {
         let _ = writeln!(text, "{ax} {ay} {az} {x:?} {y:?} {z:?} {zero:?} {sign}"); // A String takes everything.
     }
-    text
+    Ok(text)
 }
 
 /// Returns a line for each position: position, rotation and Jacobian.

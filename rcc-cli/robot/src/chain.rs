@@ -123,10 +123,7 @@ impl JointChain {
             at *= revolute.origin * UnitQuaternion::from_axis_angle(&revolute.axis, *joint);
         }
         at *= self.end;
-        let rotation = at.rotation.to_rotation_matrix();
-        let m = rotation.matrix();
-        let rows = [0, 1, 2].map(|row| [0, 1, 2].map(|column| m[(row, column)]));
-        Pose::from_rotation_matrix(at.translation.vector.into(), &rows)
+        pose(&at)
     }
 
     /// Returns axis and origin of each joint, and the pose of the tip, in the base frame with all joints at 0.
@@ -142,6 +139,14 @@ impl JointChain {
         let axes = axes.collect();
         (axes, at * self.end)
     }
+}
+
+/// Returns an isometry as a pose of the core.
+pub(crate) fn pose(isometry: &Isometry3<f64>) -> Pose {
+    let rotation = isometry.rotation.to_rotation_matrix();
+    let m = rotation.matrix();
+    let rows = [0, 1, 2].map(|row| [0, 1, 2].map(|column| m[(row, column)]));
+    Pose::from_rotation_matrix(isometry.translation.vector.into(), &rows)
 }
 
 /// Checks all properties of a joint, so that none is ignored silently.

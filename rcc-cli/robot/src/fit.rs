@@ -6,8 +6,7 @@ use std::fmt;
 use nalgebra::{Isometry3, Vector3};
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 
-use crate::chain::listed;
-use crate::{ImportError, JointChain};
+use crate::{ClosedFormMismatch, JointChain};
 
 /// Tolerance of the axes, rad or m; the comparison of forward kinematics is stricter.
 const TOLERANCE_AXES: f64 = 1e-6;
@@ -95,7 +94,7 @@ struct ChainFit<'c> {
 }
 
 /// Recognises the arm of a chain.
-pub(crate) fn arm(chain: &JointChain) -> Result<Arm, ImportError> {
+pub(crate) fn arm(chain: &JointChain) -> Result<Arm, ClosedFormMismatch> {
     let (axes, tip) = chain.at_zero();
     let lines = axes
         .into_iter()
@@ -107,26 +106,16 @@ pub(crate) fn arm(chain: &JointChain) -> Result<Arm, ImportError> {
             .ortho_parallel([a, b, c, d, e, f])
             .map(Arm::OrthoParallel),
         [a, b, c, d, e, f, g] => fit.srs([a, b, c, d, e, f, g]).map(Arm::Srs),
-        _ => Err(ImportError::Count {
+        _ => Err(ClosedFormMismatch::Count {
             count: chain.revolute_joints.len(),
-            joints: fit.names(),
         }),
     }
 }
 
 impl ChainFit<'_> {
-    fn names(&self) -> String {
-        let names = self
-            .chain
-            .revolute_joints
-            .iter()
-            .map(|revolute| revolute.name.as_str());
-        listed(names)
-    }
-
-    fn joint(&self, number: usize, mismatch: GeometryMismatch) -> ImportError {
+    fn joint(&self, number: usize, mismatch: GeometryMismatch) -> ClosedFormMismatch {
         let revolute = self.chain.revolute_joints.get(number - 1);
-        ImportError::Joint {
+        ClosedFormMismatch::Joint {
             joint: revolute
                 .map(|revolute| revolute.name.clone())
                 .unwrap_or_default(),
@@ -134,8 +123,8 @@ impl ChainFit<'_> {
         }
     }
 
-    fn tip_mismatch(&self, mismatch: GeometryMismatch) -> ImportError {
-        ImportError::Link {
+    fn tip_mismatch(&self, mismatch: GeometryMismatch) -> ClosedFormMismatch {
+        ClosedFormMismatch::Link {
             link: self.chain.tip.clone(),
             mismatch,
         }
@@ -148,7 +137,7 @@ impl ChainFit<'_> {
         line: &AxisLine,
         direction: &Vector,
         wanted: &'static str,
-    ) -> Result<f64, ImportError> {
+    ) -> Result<f64, ClosedFormMismatch> {
         if line.axis.cross(direction).norm() < TOLERANCE_AXES {
             return Ok(line.axis.dot(direction).signum());
         }
@@ -162,7 +151,7 @@ impl ChainFit<'_> {
         line: &AxisLine,
         at: &Vector,
         point: &'static str,
-    ) -> Result<(), ImportError> {
+    ) -> Result<(), ClosedFormMismatch> {
         let by = line.distance(at);
         if by < TOLERANCE_AXES {
             return Ok(());
@@ -171,7 +160,7 @@ impl ChainFit<'_> {
     }
 
     /// Fits seven joints along z y z y z y z, all at 0 with the arm straight up.
-    fn srs(&self, lines: [AxisLine; 7]) -> Result<SrsArm, ImportError> {
+    fn srs(&self, lines: [AxisLine; 7]) -> Result<SrsArm, ClosedFormMismatch> {
         const Z: &str = "along the base's z axis (upright, all joints 0)";
         const Y: &str = "along the base's y axis (upright, all joints 0)";
         let mut signs = [0.0; 7];
@@ -231,7 +220,7 @@ impl ChainFit<'_> {
 
     /// Fits six joints: a vertical one, two parallel ones, and three that meet in a point; in any position with all
     /// joints at 0.
-    fn ortho_parallel(&self, lines: [AxisLine; 6]) -> Result<OrthoParallelArm, ImportError> {
+    fn ortho_parallel(&self, lines: [AxisLine; 6]) -> Result<OrthoParallelArm, ClosedFormMismatch> {
         let [l1, l2, l3, l4, l5, l6] = &lines;
         let up = Vector::z();
         let sign1 = self.sign(1, l1, &up, "along the base's z axis")?;

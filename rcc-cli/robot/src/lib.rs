@@ -1,12 +1,14 @@
-//! Creates robot files from URDF: recognises the chain between two links as one of the supported arms by its geometry,
-//! and verifies the result by comparing forward kinematics. Runs once, on the main thread of a program; not real time.
+//! Creates robot files from URDF: recognises the chain between two links as an arm with closed-form inverse kinematics by
+//! its geometry, or else takes its axes as they are, and verifies the result by comparing forward kinematics. Runs once,
+//! on the main thread of a program; not real time.
 
 mod chain;
 mod fit;
+mod serial;
 mod urdf;
 mod yaml;
 
-use rcc_core::kinematics::Arm;
+use rcc_core::kinematics::{AXES_MAX, Arm};
 use rcc_core::message::{JOINTS_MAX, Joints};
 
 pub use chain::{JointChain, RevoluteJoint};
@@ -29,6 +31,8 @@ pub struct Imported {
     pub chain: JointChain,
     /// Kinematics of the arm.
     pub arm: Arm,
+    /// Why the arm has no closed-form inverse kinematics; `None` if it has.
+    pub not_closed: Option<ClosedFormMismatch>,
     /// Largest difference between the two forward kinematics, m or rad.
     pub difference: f64,
 }
@@ -103,14 +107,33 @@ pub enum ImportError {
         upper: f64,
     },
     /// No supported arm has this number of revolute joints.
-    #[error(
-        "the chain has {count} revolute joints ({joints}); supported arms have 6 (ortho-parallel) or 7 (S-R-S)"
-    )]
+    #[error("the chain has {count} revolute joints ({joints}); an arm has 1 to {AXES_MAX}")]
     Count {
         /// Number of revolute joints.
         count: usize,
         /// Their names.
         joints: String,
+    },
+    /// The arm by its axes differs from the URDF.
+    #[error(
+        "the arm by its axes differs from the URDF by up to {difference:.1e} m or rad (allowed: {TOLERANCE:.0e})"
+    )]
+    Differs {
+        /// Largest difference, m or rad.
+        difference: f64,
+    },
+}
+
+/// Reason why a chain is no arm with closed-form inverse kinematics.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum ClosedFormMismatch {
+    /// The number of joints does not fit.
+    #[error(
+        "closed forms are for 6 joints (ortho-parallel) or 7 (S-R-S), and the chain has {count}"
+    )]
+    Count {
+        /// Number of revolute joints.
+        count: usize,
     },
     /// The axis of a joint does not fit.
     #[error("joint `{joint}`: {mismatch}")]
@@ -142,15 +165,18 @@ pub enum ImportError {
 /// `ee`).
 ///
 /// # Errors
-/// Fails if the text is not a URDF or is xacro, or if the chain is not a supported arm; names the joint that does not
-/// fit.
+/// Fails if the text is not a URDF or is xacro, or if the chain has no revolute joint, more than seven, or other joints;
+/// names the joint that does not fit.
 pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Imported, ImportError> {
     if text.len() <= BYTES_MAX && text.contains("<xacro:") {
         return Err(ImportError::Xacro);
     }
     let robot = urdf::read(text)?;
     let chain = JointChain::of(&robot, base, tip)?;
-    let arm = fit::arm(&chain)?;
+    let (arm, not_closed) = match closed_form(&chain) {
+        Ok(arm) => (arm, None),
+        Err(mismatch) => (serial::arm(&chain)?, Some(mismatch)),
+    };
     let difference = difference(&chain, &arm);
     if difference > TOLERANCE || difference.is_nan() {
         return Err(ImportError::Differs { difference });
@@ -159,18 +185,40 @@ pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Impor
         name: robot.name,
         chain,
         arm,
+        not_closed,
         difference,
     })
 }
 
+/// Returns the arm if its inverse kinematics has a closed form.
+fn closed_form(chain: &JointChain) -> Result<Arm, ClosedFormMismatch> {
+    let arm = fit::arm(chain)?;
+    let difference = difference(chain, &arm);
+    if difference > TOLERANCE || difference.is_nan() {
+        return Err(ClosedFormMismatch::Differs { difference });
+    }
+    Ok(arm)
+}
+
 /// Returns the largest difference between the two forward kinematics at random joint positions, m or rad.
 fn difference(chain: &JointChain, arm: &Arm) -> f64 {
-    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut worst = 0.0_f64;
-    for _ in 0..SAMPLES {
+    for joints in samples(chain.revolute_joints.len()) {
+        let (theirs, ours) = (chain.forward(&joints), arm.forward(&joints));
+        worst = worst
+            .max(theirs.distance_to(&ours))
+            .max(theirs.angle_to(&ours));
+    }
+    worst
+}
+
+/// Returns random positions of this many joints, the same in each run; each joint in [−π, π).
+fn samples(count: usize) -> impl Iterator<Item = Joints> {
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    (0..SAMPLES).map(move |_| {
         let mut joints: Joints = [0.0; JOINTS_MAX];
-        for joint in joints.iter_mut().take(chain.revolute_joints.len()) {
-            // xorshift64* with a fixed seed: the same positions in each run.
+        for joint in joints.iter_mut().take(count) {
+            // xorshift64*.
             seed ^= seed >> 12;
             seed ^= seed << 25;
             seed ^= seed >> 27;
@@ -178,12 +226,8 @@ fn difference(chain: &JointChain, arm: &Arm) -> f64 {
                 (seed.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1_u64 << 53) as f64;
             *joint = (share * 2.0 - 1.0) * core::f64::consts::PI;
         }
-        let (theirs, ours) = (chain.forward(&joints), arm.forward(&joints));
-        worst = worst
-            .max(theirs.distance_to(&ours))
-            .max(theirs.angle_to(&ours));
-    }
-    worst
+        joints
+    })
 }
 
 #[cfg(test)]

@@ -51,13 +51,68 @@ fn the_golden_kr6_is_recognised() {
     }
 }
 
-/// Returns the error for a URDF in which a text was replaced.
+/// A UR5e as its URDF gives it, without the parts that are not read.
+const UR5E: &str = r#"<robot name="ur5e">
+<link name="base"/><link name="l1"/><link name="l2"/><link name="l3"/><link name="l4"/><link name="l5"/><link name="l6"/>
+<joint name="shoulder_pan" type="revolute"><parent link="base"/><child link="l1"/><origin xyz="0 0 0.1625"/>
+<axis xyz="0 0 1"/><limit lower="-6.283185307179586" upper="6.283185307179586" velocity="3.141592653589793"/></joint>
+<joint name="shoulder_lift" type="revolute"><parent link="l1"/><child link="l2"/><origin rpy="1.5707963267948966 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-6.283185307179586" upper="6.283185307179586" velocity="3.141592653589793"/></joint>
+<joint name="elbow" type="revolute"><parent link="l2"/><child link="l3"/><origin xyz="-0.425 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-3.141592653589793" upper="3.141592653589793" velocity="3.141592653589793"/></joint>
+<joint name="wrist_1" type="revolute"><parent link="l3"/><child link="l4"/><origin xyz="-0.3922 0 0.1333"/>
+<axis xyz="0 0 1"/><limit lower="-6.283185307179586" upper="6.283185307179586" velocity="3.141592653589793"/></joint>
+<joint name="wrist_2" type="revolute"><parent link="l4"/><child link="l5"/><origin xyz="0 -0.0997 0" rpy="1.5707963267948966 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-6.283185307179586" upper="6.283185307179586" velocity="3.141592653589793"/></joint>
+<joint name="wrist_3" type="revolute"><parent link="l5"/><child link="l6"/><origin xyz="0 0.0996 0" rpy="-1.5707963267948966 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-6.283185307179586" upper="6.283185307179586" velocity="3.141592653589793"/></joint>
+</robot>"#;
+
+#[test]
+fn an_arm_without_closed_form_is_taken_by_its_axes_and_the_reason_is_told() {
+    let ur5e = import(UR5E, None, None).unwrap();
+    assert!(ur5e.difference < 1e-14, "{}", ur5e.difference);
+    let reason = ur5e.not_closed.as_ref().unwrap().to_string();
+    let said = "joint `wrist_3`: its axis misses the point where axes 4 and 5 meet by 99.7";
+    assert!(reason.starts_with(said), "{reason}");
+    let text = yaml(&ur5e, "ur5e.urdf");
+    assert!(
+        text.contains(&format!("no closed form fits: {reason}")),
+        "{text}"
+    );
+    let read = rcc_config::RobotConfig::parse(&text, "ur5e.yaml").unwrap();
+    let joints = [0.3, -1.2, 1.1, -0.7, 1.4, 0.2, 0.0, 0.0];
+    let (theirs, ours) = (ur5e.arm.forward(&joints), read.arm.forward(&joints));
+    assert!(theirs.distance_to(&ours) < 1e-11 && theirs.angle_to(&ours) < 1e-11);
+    assert_eq!(read.joints.len(), 6);
+}
+
+#[test]
+fn the_redundant_joint_of_seven_axes_moves_most_while_the_flange_stays() {
+    // The elbow is off the line from shoulder to wrist.
+    let bent = data("lwr4plus.urdf").replacen(
+        "<child link=\"l4\"/><origin xyz=\"0 0 0\"",
+        "<child link=\"l4\"/><origin xyz=\"0.05 0 0\"",
+        1,
+    );
+    let arm = import(&bent, None, None).unwrap();
+    let text = yaml(&arm, "bent.urdf");
+    assert!(text.contains("  redundant_joint: 3\n"), "{text}");
+    assert!(rcc_config::RobotConfig::parse(&text, "bent.yaml").is_ok());
+}
+
+/// Returns the error for a URDF in which a text was replaced, or the reason why it has no closed form.
 fn refusal(file: &str, from: &str, to: &str) -> String {
     let text = data(file);
     assert!(text.contains(from), "{from}");
-    import(&text.replacen(from, to, 1), None, None)
-        .unwrap_err()
-        .to_string()
+    match import(&text.replacen(from, to, 1), None, None) {
+        Ok(imported) => {
+            assert!(imported.difference < 1e-14, "{}", imported.difference);
+            assert!(matches!(imported.arm, Arm::Serial(_)), "{imported:?}");
+            imported.not_closed.unwrap().to_string()
+        }
+        Err(error) => error.to_string(),
+    }
 }
 
 #[test]
@@ -174,9 +229,12 @@ fn ambiguous_and_unknown_links_are_named() {
         .unwrap_err()
         .to_string();
     assert!(refusal.contains("no chain of joints leads"), "{refusal}");
-    let refusal = import(&text, Some("l1"), None).unwrap_err().to_string();
+    let five = import(&text, Some("l1"), None).unwrap();
+    let reason = five.not_closed.unwrap().to_string();
+    assert!(reason.contains("the chain has 5"), "{reason}");
+    let refusal = import(&text, Some("l6"), None).unwrap_err().to_string();
     assert!(
-        refusal.contains("the chain has 5 revolute joints"),
+        refusal.contains("the chain has 0 revolute joints"),
         "{refusal}"
     );
     let more = text.replacen("</robot>", "<link name=\"camera\"/><joint name=\"jc\" type=\"fixed\"><parent link=\"l6\"/><child link=\"camera\"/></joint></robot>", 1);
@@ -275,8 +333,6 @@ fn a_quaternion_replaces_angles_from_version_1_1_on() {
         text.replacen(at, &format!("quat_xyzw=\"0 {half} 0 {half}\""), 1)
     };
     assert!(import(&with("1.1"), None, None).unwrap().difference < 1e-14);
-    assert!(
-        import(&with("1.0"), None, None).is_err(),
-        "it is not known there"
-    );
+    let without = import(&with("1.0"), None, None).unwrap();
+    assert!(without.not_closed.is_some(), "it is not known there");
 }

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use rcc_core::kinematics::Arm;
+use rcc_core::kinematics::{Arm, SerialArm};
 
 use crate::Imported;
 
@@ -26,6 +26,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         name,
         chain,
         arm,
+        not_closed,
         difference,
     } = imported;
     let mut text = String::new();
@@ -39,6 +40,12 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         text,
         "# Forward kinematics of both agree to {difference:.0e} m and rad at 1000 random joint positions."
     );
+    if let Some(reason) = not_closed {
+        put!(
+            text,
+            "# Its inverse kinematics is numeric, because no closed form fits: {reason}."
+        );
+    }
     put!(text, "robot: {}", quoted(name));
     put!(text, "\nkinematics:");
     match arm {
@@ -85,6 +92,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
                 .map(|zero| format!("deg({})", rounded(zero.to_degrees())));
             put!(text, "  zeros: [{}]", zeros.join(", "));
         }
+        Arm::Serial(arm) => serial(&mut text, arm),
     }
     put!(
         text,
@@ -124,6 +132,38 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         );
     }
     text
+}
+
+/// Writes the kinematics of an arm by its axes.
+fn serial(text: &mut String, arm: &SerialArm) {
+    put!(text, "  type: serial");
+    if let Some(joint) = arm.redundant_joint() {
+        put!(
+            text,
+            "  # The joint that moves most while the flange stays: it keeps its position on lines and arcs."
+        );
+        put!(text, "  redundant_joint: {}", joint + 1);
+    }
+    put!(text, "  axes:  # with all joints at 0");
+    let lengths = |values: [f64; 3]| values.map(|x| format!("{} m", rounded(x))).join(", ");
+    for axis in arm.axes() {
+        // Nearly all digits: a direction is multiplied by the length of the arm.
+        let direction = axis.direction.map(|x| (x * 1e15).round() / 1e15 + 0.0);
+        put!(
+            text,
+            "    - {{point: [{}], direction: {direction:?}}}",
+            lengths(axis.point)
+        );
+    }
+    let flange = arm.flange();
+    let angles = rcc_core::rotation::to_rpy(flange.orientation);
+    let angles = angles.map(|angle| format!("deg({})", rounded(angle.to_degrees())));
+    put!(
+        text,
+        "  flange: {{xyz: [{}], rpy: [{}]}}",
+        lengths(flange.position),
+        angles.join(", ")
+    );
 }
 
 /// Rounds to 12 decimals, to remove the rounding errors of angle conversions and sums.

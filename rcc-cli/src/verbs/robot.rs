@@ -1,4 +1,5 @@
-//! `robot import FILE.urdf`: creates a robot file from a URDF if its chain is a supported arm. Needs no cell.
+//! `robot import FILE.urdf`: creates a robot file from a URDF, with closed-form inverse kinematics if its chain has one.
+//! Needs no cell.
 
 use std::path::{Path, PathBuf};
 
@@ -6,6 +7,7 @@ use rcc_api::codes;
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::output::print_note;
 use crate::result_file::ResultTarget;
 
 /// Arguments of `robot`.
@@ -38,7 +40,7 @@ struct ImportArguments {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the file is not a URDF, or if its chain is not a supported arm; names the joint that does not fit.
+/// Fails if the file is not a URDF, or if its chain is not an arm; names the joint that does not fit.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let RobotCommand::Import(import) = arguments.what;
     let shown = import.file.display().to_string();
@@ -52,6 +54,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     })?;
     let name = Path::new(&import.file).file_name();
     let name = name.map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
+    if let Some(reason) = &imported.not_closed {
+        print_note(&format!(
+            "numeric inverse kinematics (type: serial), because no closed form fits: {reason}"
+        ));
+    }
     let yaml = rcc_robot::yaml(&imported, &name);
     import.target.write(context, &yaml)
 }

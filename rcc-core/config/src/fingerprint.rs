@@ -2,6 +2,7 @@
 //! Computed once at start-up; pure functions.
 
 use rcc_core::fnv;
+use rcc_core::kinematics::Arm;
 use rcc_core::pose::Pose;
 
 use crate::cell::CellConfig;
@@ -154,7 +155,7 @@ impl Fnv {
     fn robot(&mut self, robot: &RobotConfig) {
         let (kind, parameters) = robot.arm.parameters();
         self.number(u64::from(kind));
-        self.reals(parameters);
+        self.reals(parameters.into_iter().take(Arm::parameter_count(kind)));
         self.number(robot.joints.len() as u64);
         for joint in &robot.joints {
             self.text(&joint.name);

@@ -305,9 +305,39 @@ fn kinematics() -> Value {
         })
     };
     json!({
-        "description": "`srs`: spherical shoulder, hinge and spherical wrist, seven joints; `ortho-parallel`: six joints.",
-        "oneOf": [required(&srs), required(&six)],
+        "description": "`srs`: spherical shoulder, hinge and spherical wrist, seven joints; `ortho-parallel`: six joints; `serial`: one to seven axes in any arrangement.",
+        "oneOf": [required(&srs), required(&six), serial()],
     })
+}
+
+fn serial() -> Value {
+    let three = |description: &str, item: &str| list(description, 3, &quantity(item));
+    let axis = object(
+        "The axis of a joint in the base frame, with all joints at 0.",
+        &["point", "direction"],
+        json!({
+            "point": three("A point on the axis.", "Coordinate: `0.1625 m`."),
+            "direction": three("Direction of the axis: `[0, 0, 1]`.", "Coordinate without unit."),
+        }),
+    );
+    let flange = object(
+        "Pose of the flange in the base frame, with all joints at 0.",
+        &["xyz"],
+        json!({
+            "xyz": three("Position.", "Coordinate: `0.1 m`."),
+            "rpy": three("Roll, pitch and yaw.", "Angle: `90 deg`."),
+        }),
+    );
+    object(
+        "An arm by its joints; its inverse kinematics is numeric.",
+        &["type", "axes", "flange"],
+        json!({
+            "type": {"const": "serial"},
+            "axes": {"description": "Axes from the base to the flange.", "type": "array", "minItems": 1, "maxItems": 7, "items": axis},
+            "flange": flange,
+            "redundant_joint": integer("With seven axes: number of the joint that keeps its position on lines and arcs.", 1, 7),
+        }),
+    )
 }
 
 fn impedance() -> Value {

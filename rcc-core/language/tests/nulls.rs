@@ -422,7 +422,7 @@ discard: [state.hold]
     assert!(
         fault
             .message
-            .ends_with("the arm has six joints: angle → ik → robot"),
+            .ends_with("the arm has no arm angle: angle → ik → robot"),
         "{}",
         fault.message
     );

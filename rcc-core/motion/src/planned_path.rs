@@ -22,6 +22,7 @@ use time_law::TimeLaw;
 
 mod elbow;
 mod finite_differences;
+mod goal_joints;
 mod joint_follower;
 mod leg_shape;
 mod path_builder;
@@ -333,6 +334,8 @@ pub(crate) fn joint_bounds(limits: &JointLimits, scale: f64) -> [[f64; 3]; JOINT
     })
 }
 
+#[cfg(test)]
+mod serial;
 #[cfg(test)]
 mod six_axis;
 #[cfg(test)]

@@ -4,7 +4,9 @@
 use core::fmt;
 
 use super::branch::{ArmConfiguration, BRANCHES, Branch, Unreachable};
+use super::links::LinkPoints;
 use super::ortho::OrthoParallelArm;
+use super::serial::{AXES_MAX, JointAxis, SerialArm};
 use super::srs::SrsArm;
 use super::turns::{OutOfLimits, nearest_turns, turns_within};
 use crate::guard::JointLimits;
@@ -15,17 +17,26 @@ use crate::pose::Pose;
 /// columns beyond the arm's joints are 0.
 pub type ArmJacobian = [[f64; JOINTS_MAX]; 6];
 
-/// Number of parameters that describe an arm of any kind, see [`Arm::parameters`].
-pub const PARAMETERS: usize = 19;
+/// Largest number of parameters that describe an arm, see [`Arm::parameters`].
+pub const PARAMETERS: usize = 2 + 6 * AXES_MAX + 7;
+
+/// Number of parameters that describe an arm in closed form.
+const CLOSED_FORM_PARAMETERS: usize = 19;
 
 /// The kinematics of an arm. Joint positions are in rad, in the robot's own directions and zeros, from the base to the
 /// flange; elements beyond [`Arm::joints`] are ignored in arguments and 0 in results.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "without heap; an arm is copied when a net is made, never in a cycle"
+)]
 pub enum Arm {
     /// Seven joints: spherical shoulder, elbow hinge, spherical wrist.
     Srs(SrsArm),
     /// Six joints: two parallel axes perpendicular to the first, spherical wrist.
     OrthoParallel(OrthoParallelArm),
+    /// One to seven revolute axes in any arrangement; the inverse is numeric and has no branches.
+    Serial(SerialArm),
 }
 
 /// The kinds of singularities: the flange loses a direction of motion, or aligned axes leave their joints undetermined.
@@ -39,6 +50,8 @@ pub enum SingularityKind {
     Shoulder,
     /// S-R-S: the wrist is above (or below) the shoulder, where the arm angle is undefined.
     ArmAngle,
+    /// Serial: the Jacobian loses rank.
+    Rank,
 }
 
 impl SingularityKind {
@@ -51,9 +64,14 @@ impl SingularityKind {
     /// Returns the kind of a [`SingularityKind::number`]; `None` if the number is unknown.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
-        [Self::Elbow, Self::Wrist, Self::Shoulder, Self::ArmAngle]
-            .into_iter()
-            .find(|kind| kind.number() == number)
+        let all = [
+            Self::Elbow,
+            Self::Wrist,
+            Self::Shoulder,
+            Self::ArmAngle,
+            Self::Rank,
+        ];
+        all.into_iter().find(|kind| kind.number() == number)
     }
 }
 
@@ -64,6 +82,7 @@ impl fmt::Display for SingularityKind {
             Self::Wrist => "two wrist axes are aligned",
             Self::Shoulder => "the wrist or elbow is above the shoulder",
             Self::ArmAngle => "the wrist is above the shoulder",
+            Self::Rank => "the flange cannot move in one direction",
         })
     }
 }
@@ -74,7 +93,8 @@ pub struct Singularity {
     /// Kind.
     pub kind: SingularityKind,
     /// Distance: the sine of the remaining angle, 0 to 1; for a wrist above axis 1 its distance from the axis relative
-    /// to the arm's reach. NaN for null joints.
+    /// to the arm's reach; for a serial arm the smallest singular value of the Jacobian, with 1 m weighted as 1 rad. NaN
+    /// for null joints.
     pub distance: f64,
 }
 
@@ -96,12 +116,13 @@ impl Singularity {
 }
 
 impl Arm {
-    /// Returns the number of joints: 6 or 7.
+    /// Returns the number of joints: 1 to 7.
     #[must_use]
     pub const fn joints(&self) -> usize {
         match self {
             Arm::Srs(_) => 7,
             Arm::OrthoParallel(_) => 6,
+            Arm::Serial(arm) => arm.joints(),
         }
     }
 
@@ -111,16 +132,18 @@ impl Arm {
         match self {
             Arm::Srs(arm) => arm.forward(&seven(joints)),
             Arm::OrthoParallel(arm) => arm.forward(&six(joints)),
+            Arm::Serial(arm) => arm.forward(joints),
         }
     }
 
-    /// Returns base, shoulder, elbow, wrist and flange in the base frame, m: the ends of the links as they are drawn. NaN
-    /// in, NaN out.
+    /// Returns base, shoulder, elbow, wrist and flange in the base frame, m, for a serial arm base, axes and flange: the
+    /// ends of the links as they are drawn. NaN in, NaN out.
     #[must_use]
-    pub fn origins(&self, joints: &Joints) -> [[f64; 3]; 5] {
+    pub fn link_points(&self, joints: &Joints) -> LinkPoints {
         match self {
-            Arm::Srs(arm) => arm.origins(&seven(joints)),
-            Arm::OrthoParallel(arm) => arm.origins(&six(joints)),
+            Arm::Srs(arm) => LinkPoints::of(arm.origins(&seven(joints))),
+            Arm::OrthoParallel(arm) => LinkPoints::of(arm.origins(&six(joints))),
+            Arm::Serial(arm) => arm.link_points(joints),
         }
     }
 
@@ -130,28 +153,49 @@ impl Arm {
         match self {
             Arm::Srs(arm) => arm.jacobian(&seven(joints)).map(from_seven),
             Arm::OrthoParallel(arm) => arm.jacobian(&six(joints)).map(from_six),
+            Arm::Serial(arm) => arm.jacobian(joints),
         }
     }
 
-    /// Returns the branch of joint positions.
+    /// Returns the branch of joint positions; always the first for a serial arm, which has none.
     #[must_use]
     pub fn branch(&self, joints: &Joints) -> Branch {
         match self {
             Arm::Srs(arm) => arm.branch(&seven(joints)),
             Arm::OrthoParallel(arm) => arm.branch(&six(joints)),
+            Arm::Serial(_) => Branch::default(),
         }
     }
 
-    /// Returns the arm angle, rad in (−π, π]; `None` for six joints, where it does not exist.
+    /// Returns true if poses are reached in branches, false for a serial arm.
+    #[must_use]
+    pub const fn has_branches(&self) -> bool {
+        !matches!(self, Arm::Serial(_))
+    }
+
+    /// Returns true if a pose leaves one degree of freedom, see [`Arm::arm_angle`].
+    #[must_use]
+    pub fn has_arm_angle(&self) -> bool {
+        match self {
+            Arm::Srs(_) => true,
+            Arm::OrthoParallel(_) => false,
+            Arm::Serial(arm) => arm.redundant_joint().is_some(),
+        }
+    }
+
+    /// Returns the arm angle, rad: for an S-R-S arm in (−π, π], for a serial arm of seven axes the position of its
+    /// redundant joint; `None` for other arms, where a pose (and a branch) determine the joints.
     #[must_use]
     pub fn arm_angle(&self, joints: &Joints) -> Option<f64> {
         match self {
             Arm::Srs(arm) => Some(arm.arm_angle(&seven(joints))),
             Arm::OrthoParallel(_) => None,
+            Arm::Serial(arm) => arm.arm_angle(joints),
         }
     }
 
-    /// Returns branch and arm angle; together with the flange pose they determine the joints.
+    /// Returns branch and arm angle; together with the flange pose they determine the joints (of a serial arm: those near
+    /// a hint).
     #[must_use]
     pub fn configuration(&self, joints: &Joints) -> ArmConfiguration {
         ArmConfiguration {
@@ -160,13 +204,14 @@ impl Arm {
         }
     }
 
-    /// Returns the joints that bring the flange to `pose` (base frame) with an arm angle (rad; ignored for six joints)
-    /// in a branch, each by the whole turn nearest to `hint`. Where two axes are aligned, one of their joints is taken
+    /// Returns the joints that bring the flange to `pose` (base frame) with an arm angle (rad; ignored where
+    /// [`Arm::arm_angle`] is `None`) in a branch (ignored for a serial arm, whose numeric inverse starts at `hint`), each by the whole turn nearest to `hint`. Where two axes are aligned, one of their joints is taken
     /// from `hint`; near a singularity, a `hint` that reaches the pose by itself in this branch and with this arm angle is
     /// the answer. Joint limits are not checked, see [`Arm::inverse_within`].
     ///
     /// # Errors
-    /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.
+    /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, the numeric inverse ends
+    /// elsewhere, or an argument is null.
     #[inline]
     pub fn inverse(
         &self,
@@ -178,6 +223,7 @@ impl Arm {
         let found = match self {
             Arm::Srs(arm) => from_seven(arm.inverse(pose, arm_angle, branch, &seven(hint))?),
             Arm::OrthoParallel(arm) => from_six(arm.inverse(pose, branch, &six(hint))?),
+            Arm::Serial(arm) => arm.inverse(pose, arm_angle, hint)?,
         };
         Ok(nearest_turns(&found, hint))
     }
@@ -216,24 +262,25 @@ impl Arm {
         match self {
             Arm::Srs(arm) => arm.singularity(&seven(joints)),
             Arm::OrthoParallel(arm) => arm.singularity(&six(joints)),
+            Arm::Serial(arm) => arm.singularity(joints),
         }
     }
 
     /// Returns KUKA's Status (S) of joint positions, bits 0 to 2; `None` for seven joints, whose Status KUKA defines
-    /// differently. See [`OrthoParallelArm::status`].
+    /// differently, and for serial arms. See [`OrthoParallelArm::status`].
     #[must_use]
     pub fn status(&self, joints: &Joints) -> Option<u8> {
         match self {
-            Arm::Srs(_) => None,
+            Arm::Srs(_) | Arm::Serial(_) => None,
             Arm::OrthoParallel(arm) => Some(arm.status(&six(joints))),
         }
     }
 
-    /// Returns the branch of KUKA's Status (S); `None` for seven joints. Bits from 3 on are ignored.
+    /// Returns the branch of KUKA's Status (S); `None` for seven joints and serial arms. Bits from 3 on are ignored.
     #[must_use]
     pub fn branch_of_status(&self, status: u8) -> Option<Branch> {
         match self {
-            Arm::Srs(_) => None,
+            Arm::Srs(_) | Arm::Serial(_) => None,
             Arm::OrthoParallel(arm) => Some(arm.branch_of_status(status)),
         }
     }
@@ -248,7 +295,9 @@ impl Arm {
 
     /// Returns the kind as a number and its parameters, for hashes and files: `(1, S-R-S)` shoulder height, upper arm,
     /// forearm, wrist to flange, seven signs; `(2, ortho-parallel)` shoulder height and offset, lateral offset, upper
-    /// arm, elbow offset, forearm, wrist to flange, six signs, six zeros. Unused elements are 0.
+    /// arm, elbow offset, forearm, wrist to flange, six signs, six zeros; `(3, serial)` the number of axes, the
+    /// redundant joint, seven axes with point and direction each, and the flange as in [`Pose::to_slots`]. Unused elements
+    /// are 0.
     #[must_use]
     pub fn parameters(&self) -> (u32, [f64; PARAMETERS]) {
         let mut all = [0.0; PARAMETERS];
@@ -267,8 +316,27 @@ impl Arm {
                 put([&arm.lengths(), &arm.signs, &arm.zeros]);
                 2
             }
+            Arm::Serial(arm) => {
+                let head = [arm.joints(), arm.redundant_joint().unwrap_or(0)];
+                let mut axes = [[[0.0; 3]; 2]; AXES_MAX];
+                for (place, axis) in axes.iter_mut().zip(arm.axes()) {
+                    *place = [axis.point, axis.direction];
+                }
+                let axes = axes.as_flattened().as_flattened();
+                put([&head.map(|n| n as f64), axes, &arm.flange().to_slots()]);
+                3
+            }
         };
         (kind, all)
+    }
+
+    /// Returns the number of [`Arm::parameters`] that a kind uses.
+    #[must_use]
+    pub const fn parameter_count(kind: u32) -> usize {
+        match kind {
+            3 => PARAMETERS,
+            _ => CLOSED_FORM_PARAMETERS,
+        }
     }
 
     /// Creates an arm from [`Arm::parameters`]; `None` for an unknown kind.
@@ -300,6 +368,24 @@ impl Arm {
                     *rest.first_chunk()?,
                 )))
             }
+            3 => {
+                let ([count, redundant], rest) = parameters.split_first_chunk::<2>()?;
+                let (axes, flange) = rest.split_first_chunk::<{ 6 * AXES_MAX }>()?;
+                let mut all = [JointAxis {
+                    point: [0.0; 3],
+                    direction: [0.0; 3],
+                }; AXES_MAX];
+                for (place, axis) in all.iter_mut().zip(axes.as_chunks::<6>().0) {
+                    let [x, y, z, direction @ ..] = *axis;
+                    *place = JointAxis {
+                        point: [x, y, z],
+                        direction,
+                    };
+                }
+                let axes = all.get(..*count as usize)?;
+                let flange = Pose::from_slots(*flange.first_chunk()?);
+                SerialArm::new(axes, flange, *redundant as usize).map(Arm::Serial)
+            }
             _ => None,
         }
     }
@@ -316,7 +402,7 @@ pub enum InverseKinematicsError {
 
 impl InverseKinematicsError {
     /// Returns the number for the port `reason` of primitives: 1 an input is null, 2 too far, 3 too close, 4 joint
-    /// limit; 0 is reserved for no fault.
+    /// limit, 5 no solution of the numeric inverse; 0 is reserved for no fault.
     #[must_use]
     pub fn reason(&self) -> i64 {
         match self {
@@ -324,6 +410,7 @@ impl InverseKinematicsError {
             InverseKinematicsError::Unreachable(Unreachable::TooFar { .. }) => 2,
             InverseKinematicsError::Unreachable(Unreachable::TooClose { .. }) => 3,
             InverseKinematicsError::OutOfLimits(_) => 4,
+            InverseKinematicsError::Unreachable(Unreachable::NoSolution { .. }) => 5,
         }
     }
 

@@ -80,6 +80,11 @@ pub enum Unreachable {
         /// Smallest possible distance (excluded for an S-R-S arm), m.
         reach: f64,
     },
+    /// The numeric inverse of a serial arm ended this far from the pose: m and rad, as one vector.
+    NoSolution {
+        /// Remaining distance from the pose.
+        residual: f64,
+    },
     /// The pose, the arm angle or a required hint is null (NaN) or infinite.
     NotFinite,
 }
@@ -99,6 +104,10 @@ impl fmt::Display for Unreachable {
                     "the wrist would be {distance:.4} m from the shoulder, the arm needs more than {reach:.4} m"
                 )
             }
+            Self::NoSolution { residual } => write!(
+                f,
+                "the numeric inverse found no joint positions: it ended {residual:.1e} m or rad from the pose"
+            ),
             Self::NotFinite => write!(f, "the pose, arm angle or hint is null"),
         }
     }

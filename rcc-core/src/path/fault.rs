@@ -81,11 +81,13 @@ pub enum MotionFault {
         /// Angle between them, rad; at most 4.
         angle_rad: f64,
     },
-    /// An arm angle is given, but the arm has six joints and therefore none.
+    /// The elbow is to turn, but the arm has no arm angle, or no known range of it.
     NoArmAngle,
+    /// A branch is given, but the arm is serial and has none.
+    NoBranch,
     /// The blends at both ends leave no section on which the elbow could move.
     NoRoomForElbow,
-    /// A Status is given, but the arm has seven joints and therefore none.
+    /// A Status is given, but the arm has seven joints or is serial and therefore has none.
     NoStatus,
     /// `wait` where the motion does not rest before the leg, `until` where it does not rest after it, or a blend at the
     /// end of the leg that follows `until`.

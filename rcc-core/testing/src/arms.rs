@@ -3,8 +3,9 @@
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
+use rcc_core::kinematics::{Arm, JointAxis, OrthoParallelArm, SerialArm, SrsArm};
 use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::pose::Pose;
 
 /// A KUKA LWR 4+.
 pub const LWR: SrsArm = SrsArm {
@@ -36,6 +37,124 @@ pub const KR6: OrthoParallelArm = OrthoParallelArm {
     signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
     zeros: [0.0, core::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
 };
+
+/// Returns an arm with the lengths d1, a2, a3, d4, d5 and d6 (m) of Universal Robots' tables.
+#[must_use]
+fn universal_robot([d1, a2, a3, d4, d5, d6]: [f64; 6]) -> SerialArm {
+    let down = [0.0, 0.0, -1.0];
+    let right = [0.0, -1.0, 0.0];
+    let axes = [
+        ([0.0, 0.0, d1], [0.0, 0.0, 1.0]),
+        ([0.0, 0.0, d1], right),
+        ([a2, 0.0, d1], right),
+        ([a2 + a3, 0.0, d1], right),
+        ([a2 + a3, -d4, d1], down),
+        ([a2 + a3, -d4, d1 - d5], right),
+    ];
+    let flange = Pose::from_xyz_rpy(
+        [a2 + a3, -d4 - d6, d1 - d5],
+        [core::f64::consts::FRAC_PI_2, 0.0, 0.0],
+    );
+    serial(&axes, flange, 0)
+}
+
+/// Returns an arm of these points (m) and directions.
+fn serial(axes: &[([f64; 3], [f64; 3])], flange: Pose, redundant_joint: usize) -> SerialArm {
+    let mut all = [JointAxis {
+        point: [0.0; 3],
+        direction: [0.0, 0.0, 1.0],
+    }; 7];
+    for (place, (point, direction)) in all.iter_mut().zip(axes) {
+        *place = JointAxis {
+            point: *point,
+            direction: *direction,
+        };
+    }
+    let arm = SerialArm::new(&all[..axes.len()], flange, redundant_joint);
+    arm.expect("axes with directions")
+}
+
+/// Returns a Universal Robots UR5e.
+#[must_use]
+pub fn ur5e() -> SerialArm {
+    universal_robot([0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996])
+}
+
+/// Returns a Universal Robots UR10e.
+#[must_use]
+pub fn ur10e() -> SerialArm {
+    universal_robot([0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655])
+}
+
+/// Returns a Franka Panda, whose redundant joint is the third.
+#[must_use]
+pub fn panda() -> SerialArm {
+    let (up, left, right) = ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]);
+    let axes = [
+        ([0.0, 0.0, 0.333], up),
+        ([0.0, 0.0, 0.333], left),
+        ([0.0, 0.0, 0.649], up),
+        ([0.0825, 0.0, 0.649], right),
+        ([0.0, 0.0, 1.033], up),
+        ([0.0, 0.0, 1.033], right),
+        ([0.088, 0.0, 1.033], [0.0, 0.0, -1.0]),
+    ];
+    let flange = Pose::from_xyz_rpy([0.088, 0.0, 0.926], [core::f64::consts::PI, 0.0, 0.0]);
+    serial(&axes, flange, 2)
+}
+
+/// In front of a UR5e, flange down, rad.
+pub const UR_HOLD: Joints = [0.2, -1.4, 1.8, -2.0, -1.5, 0.3, 0.0, 0.0];
+
+/// In front of a Panda, flange down, rad.
+pub const PANDA_HOLD: Joints = [0.1, -0.6, 0.1, -2.2, 0.1, 1.7, 0.7, 0.0];
+
+/// Returns a UR5e with the limits of its robot file.
+#[must_use]
+pub fn ur5e_model() -> DeviceModel {
+    let full = [-360.0, 360.0];
+    model(
+        Arm::Serial(ur5e()),
+        [full, full, [-180.0, 180.0], full, full, full],
+        [180.0; 6],
+        [600.0; 6],
+    )
+}
+
+/// Returns a Panda with the limits of its robot file, but the jerk of [`model`].
+#[must_use]
+pub fn panda_model() -> DeviceModel {
+    let degrees = |values: [f64; 7]| values.map(f64::to_degrees);
+    model(
+        Arm::Serial(panda()),
+        PANDA_JOINTS.map(|range| range.map(f64::to_degrees)),
+        degrees([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61]),
+        degrees([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]),
+    )
+}
+
+/// Returns three parallel axes, as those of a SCARA before its vertical one.
+#[must_use]
+pub fn planar() -> SerialArm {
+    let up = [0.0, 0.0, 1.0];
+    let axes = [
+        ([0.0, 0.0, 0.3], up),
+        ([0.35, 0.0, 0.3], up),
+        ([0.65, 0.0, 0.3], up),
+    ];
+    serial(&axes, Pose::from_xyz_rpy([0.65, 0.0, 0.1], [0.0; 3]), 0)
+}
+
+/// Joint ranges of a Panda, rad.
+pub const PANDA_JOINTS: [[f64; 2]; 7] = [
+    [-2.8973, 2.8973],
+    [-1.7628, 1.7628],
+    [-2.8973, 2.8973],
+    [-3.0718, -0.0698],
+    [-2.8973, 2.8973],
+    [-0.0175, 3.7525],
+    [-2.8973, 2.8973],
+];
 
 /// Joint ranges of the LWR 4+ and of the iiwa, deg.
 pub const SEVEN_JOINTS: [[f64; 2]; 7] = [

@@ -1,9 +1,13 @@
 //! The links of an arm as frames, and the arms of a cell as URDF, from the kinematics of the core. Pure.
 
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::Arm;
+use rcc_core::kinematics::{Arm, SerialArm};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
+use rcc_core::{rotation, vector};
+
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// Radius of the cylinders that stand for links, m.
 const LINK_RADIUS_M: f64 = 0.05;
@@ -26,11 +30,9 @@ pub struct ViewedArm {
 #[derive(Clone, Copy, Debug)]
 struct ChainJoint {
     offset: [f64; 3],
-    /// True: turns about y; false: about z.
-    about_y: bool,
-    /// +1 or −1.
-    sign: f64,
-    /// Angle at which the robot's joint is 0, rad.
+    /// Direction of the axis, of length 1.
+    axis: [f64; 3],
+    /// Angle about the axis at which the robot's joint is 0, rad.
     zero: f64,
 }
 
@@ -38,51 +40,71 @@ struct ChainJoint {
 struct ArmChain {
     joints: Vec<ChainJoint>,
     /// The flange in the frame of the last link.
-    flange: [f64; 3],
+    flange: Pose,
 }
 
 impl ArmChain {
     fn of(arm: &Arm) -> ArmChain {
-        let (rows, signs, zeros, flange) = match arm {
+        let (rows, signs, zeros, flange): (Vec<_>, Vec<_>, Vec<_>, _) = match arm {
             Arm::Srs(arm) => {
                 let rows = vec![
-                    ([0.0, 0.0, arm.shoulder_height], false),
-                    ([0.0; 3], true),
-                    ([0.0, 0.0, arm.upper_arm], false),
-                    ([0.0; 3], true),
-                    ([0.0, 0.0, arm.forearm], false),
-                    ([0.0; 3], true),
-                    ([0.0; 3], false),
+                    ([0.0, 0.0, arm.shoulder_height], Z),
+                    ([0.0; 3], Y),
+                    ([0.0, 0.0, arm.upper_arm], Z),
+                    ([0.0; 3], Y),
+                    ([0.0, 0.0, arm.forearm], Z),
+                    ([0.0; 3], Y),
+                    ([0.0; 3], Z),
                 ];
-                (rows, arm.signs.to_vec(), vec![0.0; 7], arm.wrist_to_flange)
+                let flange = along_z(arm.wrist_to_flange);
+                (rows, arm.signs.to_vec(), vec![0.0; 7], flange)
             }
             Arm::OrthoParallel(arm) => {
                 let rows = vec![
-                    ([0.0, 0.0, arm.shoulder_height], false),
-                    ([arm.shoulder_offset, arm.lateral_offset, 0.0], true),
-                    ([0.0, 0.0, arm.upper_arm], true),
-                    ([arm.elbow_offset, 0.0, arm.forearm], false),
-                    ([0.0; 3], true),
-                    ([0.0; 3], false),
+                    ([0.0, 0.0, arm.shoulder_height], Z),
+                    ([arm.shoulder_offset, arm.lateral_offset, 0.0], Y),
+                    ([0.0, 0.0, arm.upper_arm], Y),
+                    ([arm.elbow_offset, 0.0, arm.forearm], Z),
+                    ([0.0; 3], Y),
+                    ([0.0; 3], Z),
                 ];
-                (
-                    rows,
-                    arm.signs.to_vec(),
-                    arm.zeros.to_vec(),
-                    arm.wrist_to_flange,
-                )
+                let flange = along_z(arm.wrist_to_flange);
+                (rows, arm.signs.to_vec(), arm.zeros.to_vec(), flange)
             }
+            Arm::Serial(arm) => return ArmChain::of_axes(arm),
         };
         let joints = rows.into_iter().zip(signs).zip(zeros);
-        let joints = joints.map(|(((offset, about_y), sign), zero)| ChainJoint {
+        let joints = joints.map(|(((offset, axis), sign), zero)| ChainJoint {
             offset,
-            about_y,
-            sign,
-            zero,
+            axis: axis.map(|x| sign * x + 0.0),
+            zero: sign * zero,
         });
         ArmChain {
             joints: joints.collect(),
-            flange: [0.0, 0.0, flange],
+            flange,
+        }
+    }
+
+    /// The frame of each link is parallel to the base with all joints at 0, at the point of its axis.
+    fn of_axes(arm: &SerialArm) -> ArmChain {
+        let mut last = [0.0; 3];
+        let joints = arm.axes().iter().map(|axis| {
+            let offset = vector::subtract(axis.point, last);
+            last = axis.point;
+            ChainJoint {
+                offset,
+                axis: axis.direction,
+                zero: 0.0,
+            }
+        });
+        let joints = joints.collect();
+        let flange = arm.flange();
+        ArmChain {
+            joints,
+            flange: Pose {
+                position: vector::subtract(flange.position, last),
+                ..flange
+            },
         }
     }
 }
@@ -138,17 +160,15 @@ impl ViewedArm {
     pub fn frames(&self, joints: &Joints) -> Vec<(String, String, Pose)> {
         let mut frames = vec![("world".to_owned(), self.base_frame(), self.base)];
         for (index, (joint, position)) in self.chain.joints.iter().zip(joints).enumerate() {
-            let angle = joint.sign * position + joint.zero;
-            let rpy = match joint.about_y {
-                true => [0.0, angle, 0.0],
-                false => [0.0, 0.0, angle],
+            let pose = Pose {
+                position: joint.offset,
+                orientation: rotation::exp(joint.axis.map(|x| x * (position + joint.zero))),
             };
-            let pose = Pose::from_xyz_rpy(joint.offset, rpy);
             frames.push((self.link_frame(index), self.link_frame(index + 1), pose));
         }
         let last = self.joints();
-        let flange = Pose::from_xyz_rpy(self.chain.flange, [0.0; 3]);
-        frames.push((self.link_frame(last), self.link_frame(last + 1), flange));
+        let flange = self.link_frame(last + 1);
+        frames.push((self.link_frame(last), flange, self.chain.flange));
         frames
     }
 
@@ -164,7 +184,7 @@ impl ViewedArm {
             self.base_frame()
         ));
         let offsets = self.chain.joints.iter().map(|joint| joint.offset);
-        let offsets = offsets.chain([self.chain.flange]);
+        let offsets = offsets.chain([self.chain.flange.position]);
         for (index, offset) in offsets.enumerate() {
             text.push_str(&link(&self.link_frame(index), offset));
         }
@@ -172,10 +192,11 @@ impl ViewedArm {
         for (index, joint) in self.chain.joints.iter().enumerate() {
             text.push_str(&self.urdf_joint(index, joint));
         }
-        let (last, [x, y, z]) = (self.joints(), self.chain.flange);
+        let (last, [x, y, z]) = (self.joints(), self.chain.flange.position);
+        let [roll, pitch, yaw] = rpy(&self.chain.flange);
         text.push_str(&format!(
             "  <joint name=\"{}_flange_joint\" type=\"fixed\">\n    <parent link=\"{}\"/><child link=\"{}\"/>\n    <origin \
-             xyz=\"{x} {y} {z}\"/>\n  </joint>\n",
+             xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"/>\n  </joint>\n",
             self.device,
             self.link_frame(last),
             self.link_frame(last + 1)
@@ -184,14 +205,15 @@ impl ViewedArm {
 
     fn urdf_joint(&self, index: usize, joint: &ChainJoint) -> String {
         let [x, y, z] = joint.offset;
-        let (turned, axis) = match joint.about_y {
-            true => (format!("0 {} 0", joint.zero), format!("0 {} 0", joint.sign)),
-            false => (format!("0 0 {}", joint.zero), format!("0 0 {}", joint.sign)),
-        };
+        let [roll, pitch, yaw] = rpy(&Pose {
+            position: [0.0; 3],
+            orientation: rotation::exp(joint.axis.map(|x| x * joint.zero)),
+        });
+        let [ax, ay, az] = joint.axis;
         let column = |of: &Joints| of.get(index).copied().unwrap_or(0.0);
         format!(
             "  <joint name=\"{}\" type=\"revolute\">\n    <parent link=\"{}\"/><child link=\"{}\"/>\n    <origin xyz=\"{x} {y} \
-             {z}\" rpy=\"{turned}\"/><axis xyz=\"{axis}\"/>\n    <limit lower=\"{}\" upper=\"{}\" velocity=\"{}\" \
+             {z}\" rpy=\"{roll} {pitch} {yaw}\"/><axis xyz=\"{ax} {ay} {az}\"/>\n    <limit lower=\"{}\" upper=\"{}\" velocity=\"{}\" \
              effort=\"0\"/>\n  </joint>\n",
             self.joint_name(index + 1),
             self.link_frame(index),
@@ -201,6 +223,10 @@ impl ViewedArm {
             column(&self.limits.velocity_max),
         )
     }
+}
+
+fn along_z(way: f64) -> Pose {
+    Pose::from_xyz_rpy([0.0, 0.0, way], [0.0; 3])
 }
 
 /// Roll, pitch and yaw of a pose, rad.
@@ -240,10 +266,18 @@ pub fn urdf(cell: &str, arms: &[ViewedArm]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_core::kinematics::{OrthoParallelArm, SrsArm};
+    use rcc_core::kinematics::{JointAxis, OrthoParallelArm, SrsArm};
 
-    fn arms() -> [Arm; 2] {
+    fn arms() -> [Arm; 3] {
+        let axis = |point, direction| JointAxis { point, direction };
+        let axes = [
+            axis([0.0, 0.0, 0.2], [0.0, 0.0, 1.0]),
+            axis([0.3, 0.1, 0.2], [0.0, -0.6, 0.8]),
+            axis([0.6, 0.1, 0.4], [1.0, 0.0, 0.0]),
+        ];
+        let flange = Pose::from_xyz_rpy([0.7, 0.0, 0.3], [0.4, -0.3, 0.2]);
         [
+            Arm::Serial(SerialArm::new(&axes, flange, 0).unwrap()),
             Arm::Srs(SrsArm {
                 shoulder_height: 0.31,
                 upper_arm: 0.4,

@@ -84,11 +84,12 @@ impl ArmModel {
         if joints.len() != self.arm.joints() || joints.iter().any(|joint| !joint.is_finite()) {
             return None;
         }
-        let origins = self.arm.origins(&position);
-        let origins = origins.map(|origin| {
-            let turned = self.base.rotate(origin);
+        let points = self.arm.link_points(&position);
+        let origins = points.as_slice().iter().map(|point| {
+            let turned = self.base.rotate(*point);
             [0, 1, 2].map(|axis| turned[axis] + self.base.position[axis])
         });
+        let origins: Vec<[f64; 3]> = origins.collect();
         let flange = self.base.compose(&self.arm.forward(&position));
         Some(json!({
             "device": self.device, "source": source, "joints": joints, "origins": origins,

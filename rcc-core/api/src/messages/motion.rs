@@ -54,8 +54,15 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             "at most 4 rad are possible: split it into two splines".to_owned(),
         ),
         MotionFault::NoArmAngle => (
-            "it turns the elbow, but an arm with six joints has no arm angle".to_owned(),
+            "it turns the elbow, but this arm allows no other: `arm_angle` is for seven joints, `elbow: middle` for seven joints of type srs"
+                .to_owned(),
             "remove `arm_angle` and `elbow`".to_owned(),
+        ),
+        MotionFault::NoBranch => (
+            "it gives a `branch`, but the inverse kinematics of a serial arm is numeric and has no branches"
+                .to_owned(),
+            "remove `branch`: the joint positions reached soonest are selected; or give the joint positions"
+                .to_owned(),
         ),
         MotionFault::NoRoomForElbow => (
             "the roundings at its ends leave no length in which the elbow could turn".to_owned(),
@@ -63,8 +70,9 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
                 .to_owned(),
         ),
         MotionFault::NoStatus => (
-            "it gives a `status`, which is defined only for arms with six joints (KUKA)".to_owned(),
-            "give the `branch` instead: `ArmAngle` computes it from joint positions".to_owned(),
+            "it gives a `status`, which is defined only for KUKA's arms with six joints".to_owned(),
+            "for seven joints give the `branch` instead (`ArmAngle` computes it from joint positions); for a serial arm nothing"
+                .to_owned(),
         ),
         MotionFault::NotAtRest => (
             "it has `wait` or `until`, or follows `until`, where a `blend` keeps the arm moving".to_owned(),

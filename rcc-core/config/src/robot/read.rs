@@ -2,10 +2,11 @@
 
 use rcc_core::counted::Counted;
 use rcc_core::impedance::ImpedanceLimits;
-use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
+use rcc_core::kinematics::{AXES_MAX, Arm, JointAxis, OrthoParallelArm, SerialArm, SrsArm};
 use rcc_core::unit::Unit;
 
 use super::{JointConfig, RobotConfig, dynamics};
+use crate::base;
 use crate::codes;
 use crate::diagnostic::Span;
 use crate::file_kind::FileKind;
@@ -14,7 +15,24 @@ use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 5] = ["robot", "kinematics", "joints", "impedance", "dynamics"];
 /// Keys of all types of kinematics; the keys of each type follow below.
-const KINEMATICS_KEYS: [&str; 10] = [
+const KINEMATICS_KEYS: [&str; 13] = [
+    "type",
+    "shoulder_height",
+    "shoulder_offset",
+    "lateral_offset",
+    "upper_arm",
+    "elbow_offset",
+    "forearm",
+    "wrist_to_flange",
+    "signs",
+    "zeros",
+    "axes",
+    "flange",
+    "redundant_joint",
+];
+const SERIAL_KEYS: [&str; 4] = ["type", "axes", "flange", "redundant_joint"];
+const AXIS_KEYS: [&str; 2] = ["point", "direction"];
+const ORTHO_PARALLEL_KEYS: [&str; 10] = [
     "type",
     "shoulder_height",
     "shoulder_offset",
@@ -74,11 +92,13 @@ const ONE_TURN: QuantityRange = QuantityRange {
 enum KinematicsType {
     Srs,
     OrthoParallel,
+    Serial,
 }
 
-const KINEMATICS_TYPES: [(&str, KinematicsType); 2] = [
+const KINEMATICS_TYPES: [(&str, KinematicsType); 3] = [
     ("srs", KinematicsType::Srs),
     ("ortho-parallel", KinematicsType::OrthoParallel),
+    ("serial", KinematicsType::Serial),
 ];
 
 /// Reads the tree of a robot's file; `source` is the path of the file as written in the cell's file.
@@ -120,13 +140,16 @@ fn kinematics(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Arm
         .find(|(name, _)| named == Some(name));
     let keys: &[&str] = match kind {
         Some((_, KinematicsType::Srs)) => &SRS_KEYS,
-        _ => &KINEMATICS_KEYS,
+        Some((_, KinematicsType::OrthoParallel)) => &ORTHO_PARALLEL_KEYS,
+        Some((_, KinematicsType::Serial)) => &SERIAL_KEYS,
+        None => &KINEMATICS_KEYS,
     };
     let fields = reader.fields(node, place, "the kinematics", keys)?;
     let kind = reader.require(&fields, "type")?;
     match reader.keyword(kind, "type of kinematics", &KINEMATICS_TYPES)? {
         KinematicsType::Srs => srs(reader, &fields).map(Arm::Srs),
         KinematicsType::OrthoParallel => ortho_parallel(reader, &fields).map(Arm::OrthoParallel),
+        KinematicsType::Serial => serial(reader, &fields).map(Arm::Serial),
     }
 }
 
@@ -176,6 +199,73 @@ fn ortho_parallel(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<Orth
         wrist_to_flange: wrist_to_flange?,
         signs: signs?,
         zeros: zeros?,
+    })
+}
+
+fn serial(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<SerialArm> {
+    let node = reader.require(fields, "axes");
+    let place = node.map_or(fields.place_of("axes"), |node| node.span);
+    let axes = node.and_then(|node| axes(reader, node));
+    reader.require(fields, "flange");
+    let flange = fields.entry("flange");
+    let flange = flange.and_then(|entry| base::pose(reader, entry, "the flange"));
+    let redundant = fields.get("redundant_joint");
+    let (axes, flange) = (axes?, flange?);
+    let redundant_joint = match (redundant, axes.len() == AXES_MAX) {
+        (None, false) => 0,
+        (Some(node), true) => {
+            let number = reader.integer(node, "redundant_joint", 1, AXES_MAX as i64)?;
+            usize::try_from(number).ok()? - 1
+        }
+        (None, true) => {
+            let node = reader.require(fields, "redundant_joint");
+            node.map(|_| 0)?
+        }
+        (Some(node), false) => {
+            let message = format!(
+                "redundant_joint is given, but only an arm of {AXES_MAX} axes has a redundant joint"
+            );
+            reader.report(error(codes::KEY_OF_OTHER_KIND, node.span, message));
+            return None;
+        }
+    };
+    let arm = SerialArm::new(&axes, flange, redundant_joint);
+    if arm.is_none() {
+        let message = "the axes do not make an arm: a number is too large";
+        reader.report(error(codes::OUT_OF_RANGE, place, message));
+    }
+    arm
+}
+
+fn axes(reader: &mut ConfigReader, node: &Node) -> Option<Vec<JointAxis>> {
+    let nodes = reader.list(node, "axes")?;
+    if nodes.is_empty() || nodes.len() > AXES_MAX {
+        let message = format!(
+            "axes has {}, but an arm has 1 to {AXES_MAX} axes",
+            Counted::of(nodes.len(), "element")
+        );
+        reader.report(error(codes::WRONG_SHAPE, node.span, message));
+        return None;
+    }
+    let read: Vec<_> = nodes.iter().map(|node| axis(reader, node)).collect();
+    read.into_iter().collect()
+}
+
+fn axis(reader: &mut ConfigReader, node: &Node) -> Option<JointAxis> {
+    let fields = reader.fields(node, node.span, "an axis", &AXIS_KEYS)?;
+    let point = reader.require(&fields, "point");
+    let point = point.and_then(|node| base::three(reader, node, "point", Unit::METRE));
+    let node = reader.require(&fields, "direction")?;
+    let direction = base::three(reader, node, "direction", Unit::ONE)?;
+    if direction.iter().map(|x| x * x).sum::<f64>().sqrt() < 1e-3 {
+        let message = "direction is 0: the axis has no direction";
+        let help = "write the direction about which the joint turns, such as [0, 0, 1]";
+        reader.report(error(codes::OUT_OF_RANGE, node.span, message).help(help));
+        return None;
+    }
+    Some(JointAxis {
+        point: point?,
+        direction,
     })
 }
 
@@ -273,6 +363,7 @@ fn joints(
         let kind = match arm {
             Arm::Srs(_) => "srs",
             Arm::OrthoParallel(_) => "ortho-parallel",
+            Arm::Serial(_) => "serial",
         };
         let message = format!(
             "{} listed, but kinematics of type {kind} has {}",

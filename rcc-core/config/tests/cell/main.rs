@@ -291,7 +291,7 @@ fn the_fingerprint_depends_on_what_a_plan_depends_on() {
     let mut arm = cell(TEXT);
     match &mut arm.devices[0].robot.as_mut().unwrap().arm {
         Arm::Srs(arm) => arm.forearm += 1e-9,
-        Arm::OrthoParallel(_) => panic!("seven joints"),
+        Arm::OrthoParallel(_) | Arm::Serial(_) => panic!("seven joints"),
     }
     assert_ne!(arm.fingerprint(), original);
     let mut swapped = cell(TEXT);

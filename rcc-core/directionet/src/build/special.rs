@@ -404,11 +404,11 @@ impl Conversion<'_, '_> {
             let made = self.one(number, "InverseKinematics", vec![("pose", pose, span)]);
             self.built[made].parameters = parameter();
             made
-        } else if self.has_six_joints(&device) {
+        } else if self.has_no_arm_angle(&device) {
             let made = self.one(number, "InverseKinematicsNear", Vec::new());
             self.built[made].parameters = parameter();
             let hint = self.in_unit(hint, Unit::RADIAN);
-            // Ignored, and required: six joints have no arm angle.
+            // Ignored, and required.
             let arm_angle = constant(LiteralShape::Real(0.0, Some(Unit::RADIAN)), at);
             self.built[made].inputs = vec![
                 ("pose", pose, span),
@@ -436,11 +436,10 @@ impl Conversion<'_, '_> {
         self.put(number, "outJoints", joints);
     }
 
-    /// Returns true for an arm whose joints follow from the pose and the branch alone.
-    fn has_six_joints(&self, device: &str) -> bool {
-        self.cell
-            .find(device)
-            .is_some_and(|(_, device)| device.model.joints == 6)
+    /// Returns true for an arm whose joints follow from the pose and the hint alone.
+    fn has_no_arm_angle(&self, device: &str) -> bool {
+        let found = self.cell.find(device);
+        found.is_some_and(|(_, device)| device.model.arm.is_some_and(|arm| !arm.has_arm_angle()))
     }
 
     /// Returns true for a list of all joint positions of a robot, measured or commanded, in order.

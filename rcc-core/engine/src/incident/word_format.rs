@@ -347,8 +347,9 @@ pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
         let arm = model.arm.map(|arm| arm.parameters());
         let kind = arm.map_or(0, |(kind, _)| kind);
         out.push(pair(model.joints, kind));
-        if let Some((_, parameters)) = arm {
-            out.extend(parameters.map(f64::to_bits));
+        if let Some((kind, parameters)) = arm {
+            let used = parameters.iter().take(Arm::parameter_count(kind));
+            out.extend(used.map(|value| value.to_bits()));
         }
         let JointLimits {
             lower,
@@ -393,7 +394,11 @@ fn model(words: &mut WordReader<'_>) -> Result<DeviceModel, DamagedFile> {
     let arm = match kind {
         0 => None,
         _ => {
-            let parameters = words.some::<PARAMETERS>("an arm")?.map(f64::from_bits);
+            let mut parameters = [0.0; PARAMETERS];
+            for place in parameters.iter_mut().take(Arm::parameter_count(kind)) {
+                let [word] = words.some("an arm")?;
+                *place = f64::from_bits(word);
+            }
             let arm = Arm::from_parameters(kind, &parameters);
             Some(arm.ok_or(DamagedFile("the kind of an arm"))?)
         }

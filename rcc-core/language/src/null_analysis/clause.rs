@@ -1,6 +1,7 @@
 //! The clauses of `Spec::undefined`: which of them can become true for one primitive of a net, given its constants and
 //! the ranges of the ports that it reads. Runs on the loader's threads and in the command line.
 
+use rcc_core::kinematics::Arm;
 use rcc_core::primitive::{DefaultValue as Default, Role};
 
 use crate::resolve::{InputSource, NetGraph, OutputId, ResolvedPrimitive};
@@ -38,7 +39,8 @@ pub fn truths(
     let clauses = clauses.filter(|clause| !clause.is_empty() && !clause.starts_with(OVERFLOW));
     clauses.map(|clause| {
         let truth = match clause {
-            SIX_JOINTS => six_joints(graph, item),
+            NO_ARM_ANGLE => of_arm(graph, item, |arm| !arm.has_arm_angle()),
+            NOT_SRS => of_arm(graph, item, |arm| !matches!(arm, Arm::Srs(_))),
             clause => comparison(graph, item, clause),
         };
         (clause, truth.unwrap_or(ClauseTruth::Sometimes))
@@ -46,13 +48,19 @@ pub fn truths(
 }
 
 /// The clause about arms without an arm angle.
-const SIX_JOINTS: &str = "the arm has six joints";
+const NO_ARM_ANGLE: &str = "the arm has no arm angle";
+/// The clause about arms whose arm angle has no known range.
+const NOT_SRS: &str = "the arm is not of type `srs`";
 
-fn six_joints(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>) -> Option<ClauseTruth> {
+fn of_arm(
+    graph: &NetGraph<'_>,
+    item: &ResolvedPrimitive<'_>,
+    applies: impl Fn(&Arm) -> bool,
+) -> Option<ClauseTruth> {
     let device = graph.cell.devices.get(item.device?)?;
-    Some(match device.model.joints {
-        6 => ClauseTruth::Always,
-        _ => ClauseTruth::Never,
+    Some(match applies(device.model.arm.as_ref()?) {
+        true => ClauseTruth::Always,
+        false => ClauseTruth::Never,
     })
 }
 

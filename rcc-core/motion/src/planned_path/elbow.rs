@@ -90,7 +90,12 @@ pub(super) fn turn(
     let arm = match (wanted, arm_start.arm) {
         (path::ElbowMotion::Stays, _) => return Ok(0.0),
         (_, Arm::Srs(arm)) => arm,
-        (_, Arm::OrthoParallel(_)) => return Err(MotionFault::NoArmAngle),
+        // The redundant joint is no rotation in a circle: it turns straight to its goal.
+        (path::ElbowMotion::To(goal), Arm::Serial(arm)) if arm.redundant_joint().is_some() => {
+            let finite = goal.is_finite().then_some(goal - here.arm_angle);
+            return finite.ok_or(MotionFault::NotFinite);
+        }
+        (_, Arm::OrthoParallel(_) | Arm::Serial(_)) => return Err(MotionFault::NoArmAngle),
     };
     let angle = here.arm_angle;
     if let path::ElbowMotion::To(goal) = wanted {

@@ -2,9 +2,7 @@
 //! end. Run when a command is made ready; allocates.
 
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{
-    Arm, ArmConfiguration, Branch, InverseKinematicsError, turns_by_signs, within_limits,
-};
+use rcc_core::kinematics::{Arm, ArmConfiguration, Branch};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::{ArcOrientation, Leg, MotionFault, MotionLimits, PathSegment, RelativeTo};
 use rcc_core::pose::Pose;
@@ -12,6 +10,7 @@ use rcc_core::rotation;
 use rcc_core::vector;
 
 use super::elbow::{self, ElbowProfile};
+use super::goal_joints::goal_joints;
 use super::joint_follower::JointFollower;
 use super::speed_limits::QuantityLimits;
 use super::{ArmStart, LegFault, ReducedBlend, STEPS, joint_bounds};
@@ -187,8 +186,11 @@ impl LegShapeBuilder<'_> {
                     branch.map(Branch::index).ok_or(MotionFault::NoStatus)
                 };
                 let branch = status.map(of_status).transpose()?.or(branch);
+                if branch.is_some() && !arm.has_branches() {
+                    return Err(MotionFault::NoBranch);
+                }
                 let (goal, hint) = (to(&goal), self.joints);
-                let mut joints = select_joints(self.arm_start, &goal, (branch, turn), &hint)?;
+                let mut joints = goal_joints(self.arm_start, &goal, (branch, turn), &hint)?;
                 joints
                     .iter_mut()
                     .skip(arm.joints())
@@ -395,55 +397,6 @@ pub(crate) fn metric(leg: &Leg<'_>) -> PathMetric {
             RADIUS_M
         },
     }
-}
-
-/// The joints for a pose: in the given branch, or those that are reached soonest.
-fn select_joints(
-    arm_start: ArmStart<'_>,
-    pose: &Pose,
-    (branch, turn): (Option<u8>, Option<u8>),
-    hint: &Joints,
-) -> Result<Joints, MotionFault> {
-    let ArmStart { arm, model, .. } = arm_start;
-    let arm_angle = arm.configuration(hint).arm_angle;
-    let time_s = |joints: &Joints| {
-        let ways = joints.iter().zip(hint).zip(&model.limits.velocity_max);
-        let times = ways
-            .take(arm.joints())
-            .map(|((to, from), v)| (to - from).abs() / v);
-        times.fold(0.0, f64::max)
-    };
-    let (mut best, mut fault) = (None, MotionFault::Unreachable { fraction: 1.0 });
-    for index in 0..8 {
-        if branch.is_some_and(|wanted| wanted != index) {
-            continue;
-        }
-        let configuration = ArmConfiguration {
-            branch: Branch::from_bits(index),
-            arm_angle,
-        };
-        let limits = &model.limits;
-        let found = match turn {
-            None => arm.inverse_within(pose, configuration, hint, limits),
-            Some(turn) => arm
-                .inverse(pose, arm_angle, configuration.branch, hint)
-                .map_err(InverseKinematicsError::from)
-                .and_then(|joints| {
-                    let joints = turns_by_signs(&joints, turn);
-                    Ok(within_limits(&joints, limits).map(|()| joints)?)
-                }),
-        };
-        match found {
-            Ok(joints) => {
-                let time = time_s(&joints);
-                if best.is_none_or(|(least, _)| time < least) {
-                    best = Some((time, joints));
-                }
-            }
-            Err(error) => fault = super::joint_follower::no_joints(error, 1.0),
-        }
-    }
-    best.map(|(_, joints)| joints).ok_or(fault)
 }
 
 fn in_range(joints: &Joints, limits: &JointLimits) -> Result<(), MotionFault> {

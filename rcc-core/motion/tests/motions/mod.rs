@@ -84,9 +84,9 @@ pub struct TestRobot {
     home: Joints,
 }
 
-/// The robots: two of seven joints, one of six.
+/// The robots: two of seven joints and one of six in closed form, one of six and one of seven with numeric inverse.
 #[must_use]
-pub fn robots() -> [TestRobot; 3] {
+pub fn robots() -> [TestRobot; 5] {
     let seven = arms::radians([20.0, 30.0, -10.0, -90.0, 5.0, 60.0, 20.0]);
     [
         TestRobot {
@@ -113,6 +113,16 @@ pub fn robots() -> [TestRobot; 3] {
                 [1300.0, 370.0, 1390.0, 7000.0, 6800.0, 13500.0],
             ),
             home: arms::radians([10.0, -80.0, 100.0, 10.0, 60.0, -20.0]),
+        },
+        TestRobot {
+            name: "UR5e",
+            model: arms::ur5e_model(),
+            home: arms::UR_HOLD,
+        },
+        TestRobot {
+            name: "Panda",
+            model: arms::panda_model(),
+            home: arms::PANDA_HOLD,
         },
     ]
 }

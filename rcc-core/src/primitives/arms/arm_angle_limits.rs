@@ -18,8 +18,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArmAngleLimits",
         summary: "The interval of arm angles, around that of given joints, in which a flange pose is within the joint limits, in their branch.",
-        null: "a null input gives null outputs; an arm of six joints has no arm angle (null)",
-        undefined: "the pose is out of reach; a joint would be beyond its limit with the arm angle of `hint`; the arm has six joints; overflow: an infinite input",
+        null: "a null input gives null outputs; only arms of type `srs` have these limits: null for others",
+        undefined: "the pose is out of reach; a joint would be beyond its limit with the arm angle of `hint`; the arm is not of type `srs`; overflow: an infinite input",
         formula: "each joint limit as A sin ψ + B cos ψ + C = 0 (Shimizu et al., IEEE T-RO 24(5), 2008, section IV)",
         examples: &[Example::new(
             "a null pose, and a pose out of reach",

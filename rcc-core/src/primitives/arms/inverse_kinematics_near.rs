@@ -5,7 +5,7 @@
 
 use super::inverse_kinematics::{JOINT, JointSolution, REASON};
 use crate::frame::Frame;
-use crate::kinematics::{Arm, ArmConfiguration, Unreachable};
+use crate::kinematics::{ArmConfiguration, Unreachable};
 use crate::message::JOINTS_MAX;
 use crate::pose::Pose;
 use crate::primitive::{
@@ -20,21 +20,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseKinematicsNear",
         summary: "Joint positions for a flange pose with a given arm angle, in the branch of given joint positions.",
-        null: "a null input, and a pose that is out of reach or beyond a joint limit, give null; `reason` tells which; a null `arm_angle` is ignored for six joints",
+        null: "a null input, and a pose that is out of reach or beyond a joint limit, give null; `reason` tells which; a null `arm_angle` is ignored for an arm that has none",
         undefined: "the pose is out of reach; a joint would be beyond its limit; overflow: an infinite input",
-        formula: "closed form, see InverseKinematics",
+        formula: "see InverseKinematics",
         inputs: &[
             Port::typed("pose", Type::Pose, "flange in the arm's base"),
             Port::real(
                 "arm_angle",
                 UnitRule::Is(Unit::RADIAN),
-                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle; ignored for six joints, which have none",
+                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle (for a serial arm of seven joints the position of its redundant joint); ignored for an arm that has none",
             ),
             Port::new(
                 "hint",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "joint positions that determine the branch, the angles that aligned axes leave open, and the choice among several turns, A1 first",
+                "joint positions that determine the branch (of a serial arm: from which the numeric inverse starts), the angles that aligned axes leave open, and the choice among several turns, A1 first",
             ),
         ],
         outputs: &[
@@ -44,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 UnitRule::Is(Unit::RADIAN),
                 "joint positions, A1 first, within the limits of the robot's configuration, by the turn nearest to the hint",
             ),
-            Port::int("reason", REASON).within(0.0, 4.0).diagnostic(),
+            Port::int("reason", REASON).within(0.0, 5.0).diagnostic(),
             Port::int("joint", JOINT)
                 .within(0.0, JOINTS_MAX as f64)
                 .diagnostic(),
@@ -73,11 +73,8 @@ impl Step for InverseKinematicsNear {
                 .ok_or(Unreachable::NotFinite)?;
             let configuration = ArmConfiguration {
                 branch: arm.branch(&hint),
-                // Six joints have none; for seven, null is refused.
-                arm_angle: match arm {
-                    Arm::Srs(_) => angle,
-                    Arm::OrthoParallel(_) => 0.0,
-                },
+                // Null is refused for an arm that has one.
+                arm_angle: if arm.has_arm_angle() { angle } else { 0.0 },
             };
             arm.inverse_within(&pose, configuration, &hint, limits)
         });

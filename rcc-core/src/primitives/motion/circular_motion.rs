@@ -21,7 +21,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A jerk-limited circular arc of the flange through a point, with a soft stop on the path.",
         null: path_motion::NULL,
         null_rule: NullRule::Known,
-        formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
+        formula: "circle through start, `via` and `to`; joints by inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
         inputs: &path_motion::INPUTS,
         outputs: &path_motion::OUTPUTS,
         parameters: &[

@@ -38,7 +38,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
         null: path_motion::NULL,
         null_rule: NullRule::Known,
-        formula: "line of the flange and rotation about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
+        formula: "line of the flange and rotation about one axis (slerp) by the same path parameter; joints by inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
         inputs: &path_motion::INPUTS,
         outputs: &path_motion::OUTPUTS,
         parameters: &[

@@ -213,7 +213,7 @@ pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
 pub(super) const ARM_ANGLE: Parameter = Parameter::new(
     "arm_angle",
     ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
-    "for seven joints: arm angle at the end, approached along the path by the shorter way; if omitted, `elbow` decides",
+    "for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides",
 )
 .default(DefaultValue::Null);
 

@@ -85,7 +85,7 @@ function pan(camera, dx, dy, canvas) {
 
 const add = (a, b, by) => a.map((value, index) => value + b[index] * by);
 
-/** Draws floor, arms, flange frames and trails. `arms` are `{origins, flange, hue, trail, dim}`. */
+/** Draws floor, arms, flange frames and trails. `arms` are `{origins, flange, hue, trail, dim}`; `origins` are the ends of the links. */
 export function draw(canvas, camera, arms) {
   const ratio = devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -124,11 +124,20 @@ export function draw(canvas, camera, arms) {
   for (const arm of arms) frame(line, arm);
 }
 
-const RADII = [0.085, 0.07, 0.058, 0.045];
+/** Radius of the first link, and of the last; those between become smaller evenly. */
+const RADII = [0.085, 0.045];
+
+/** The links of an arm from the base to the flange, without those that have no length. */
+function linksOf(arm) {
+  const pairs = arm.origins.slice(1).map((b, index) => ({ a: arm.origins[index], b }));
+  const links = pairs.filter(({ a, b }) => Math.hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]) > 1e-4);
+  const last = Math.max(links.length - 1, 1);
+  return links.map((link, index) => ({ ...link, radius: RADII[0] + (RADII[1] - RADII[0]) * index / last, arm, index }));
+}
 
 function capsules(arm) {
-  const links = RADII.map((radius, index) => ({ a: arm.origins[index], b: arm.origins[index + 1], radius, arm, index }));
-  const joints = [1, 2, 3].map((index) => ({ a: arm.origins[index], b: arm.origins[index], radius: RADII[index - 1] * 1.16, arm, joint: true }));
+  const links = linksOf(arm);
+  const joints = links.slice(0, -1).map(({ b, radius }) => ({ a: b, b, radius: radius * 1.16, arm, joint: true }));
   return [...links, ...joints];
 }
 
@@ -164,11 +173,11 @@ function capsule(pen, { p, q, radius, arm, joint }) {
 
 function shadow(pen, at, arm) {
   pen.strokeStyle = colour("--shadow");
-  for (let index = 0; index < 4; index++) {
-    const flat = ([x, y]) => [x, y, 0];
-    const [p, q] = [at(flat(arm.origins[index])), at(flat(arm.origins[index + 1]))];
+  const flat = ([x, y]) => [x, y, 0];
+  for (const { a, b, radius } of linksOf(arm)) {
+    const [p, q] = [at(flat(a)), at(flat(b))];
     if (!p || !q) continue;
-    pen.lineWidth = RADII[index] * (p.scale + q.scale);
+    pen.lineWidth = radius * (p.scale + q.scale);
     pen.beginPath();
     pen.moveTo(p.x, p.y);
     pen.lineTo(q.x + 0.01, q.y);

@@ -39,7 +39,7 @@ export function open(view) {
     const arms = known.map((about, index) => ({ about, now: state.arms.get(about.device), hue: HUES[index % HUES.length] })).filter((arm) => arm.now);
     empty.hidden = arms.length > 0;
     if (!fitted && arms.length > 1) {
-      const middle = [0, 1, 2].map((axis) => arms.reduce((sum, arm) => sum + arm.now.origins[2][axis], 0) / arms.length);
+      const middle = [0, 1, 2].map((axis) => arms.reduce((sum, arm) => sum + arm.now.origins[arm.now.origins.length >> 1][axis], 0) / arms.length);
       camera.target = middle;
       camera.distance = 3.4;
       fitted = true;
