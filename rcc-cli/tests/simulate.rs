@@ -315,6 +315,35 @@ fn an_arm_without_a_simulator_begins_where_its_driver_does() {
 }
 
 #[test]
+fn arms_by_their_joints_move_along_lines_and_arcs() {
+    let configs = nets().join("..");
+    let file = |name: &str| configs.join(name).display().to_string();
+    let (cell, net) = ("cells/by-joints.yaml", "by-joints/line-and-circle.yaml");
+    let folder = Folder::new();
+    let csv = folder.file("poses.csv");
+    let report = report(0, &[&file(net), "--config", &file(cell), "--csv", &csv]);
+    assert_eq!(report["reason"], "finished", "{report}");
+    // From start to end the legs of the UR5e move its flange by (-0.05, 0.2, 0).
+    let text = folder.read("poses.csv");
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().expect("names").split(',').collect();
+    let columns = [0, 1, 2].map(|axis| {
+        let name = format!("line-and-circle/ur5e.pose[{axis}]");
+        let place = names.iter().position(|known| known.starts_with(&name));
+        place.unwrap_or_else(|| panic!("{name} in {names:?}"))
+    });
+    let position = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        columns.map(|column| cells[column].parse::<f64>().expect("a number"))
+    };
+    let first = position(lines.next().expect("a row"));
+    let last = position(lines.next_back().expect("a row"));
+    for ((from, to), want) in first.iter().zip(last).zip([-0.05, 0.2, 0.0]) {
+        assert!((to - from - want).abs() < 1e-6, "{first:?} {last:?}");
+    }
+}
+
+#[test]
 fn check_rehearses_from_where_the_simulators_begin() {
     let check = |file: &str| {
         Command::new(env!("CARGO_BIN_EXE_rcc-cli"))

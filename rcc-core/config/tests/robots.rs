@@ -7,6 +7,7 @@ mod trip;
 use std::f64::consts::{PI, TAU};
 
 use rcc_config::RobotConfig;
+use rcc_core::frame::joints_from;
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 use rcc_testing::{Random, Rng};
@@ -35,7 +36,10 @@ fn every_robot_returns_to_every_pose_in_every_branch() {
             "lwr4plus.yaml",
             "med14.yaml",
             "med7.yaml",
-            "med7_turned.yaml"
+            "med7_turned.yaml",
+            "panda.yaml",
+            "ur10e.yaml",
+            "ur5e.yaml"
         ]
     );
     for (file, robot) in robots {
@@ -161,4 +165,29 @@ fn random_joints(seed: u64) -> Joints {
     let mut joints = [0.0; 8];
     joints[..6].fill_with(|| random.uniform(-PI, PI));
     joints
+}
+
+#[test]
+fn the_flange_of_a_serial_arm_is_where_pinocchio_puts_it() {
+    let robots = trip::robots();
+    for name in ["ur5e", "ur10e", "panda"] {
+        let file = format!("{name}.yaml");
+        let (_, robot) = robots.iter().find(|(it, _)| *it == file).expect(name);
+        let path = format!(
+            "{}/../../tests/data/kinematics/{name}.csv",
+            env!("CARGO_MANIFEST_DIR")
+        );
+        let text = std::fs::read_to_string(path).unwrap();
+        let mut compared = 0;
+        for line in text.lines().skip(1) {
+            let row: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+            let (joints, pose) = row.split_at(robot.arm.joints());
+            let pose = Pose::from_slots(pose.try_into().unwrap());
+            let ours = robot.arm.forward(&joints_from(joints).unwrap());
+            let apart = ours.distance_to(&pose).max(ours.angle_to(&pose));
+            assert!(apart < 1e-12, "{name}: {apart}");
+            compared += 1;
+        }
+        assert_eq!(compared, 1000);
+    }
 }
