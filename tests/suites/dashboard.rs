@@ -364,6 +364,7 @@ fn the_demo_opens_its_dashboard() {
         .env("BROWSER", &browser)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
+        .stderr(Stdio::null())
         .current_dir(repository());
     let mut demo = ends_with_test(&mut demo).spawn().expect("the demo starts");
     let address = await_some("the browser", || std::fs::read_to_string(&opened).ok());
