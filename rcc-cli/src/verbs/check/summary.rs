@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(
             summary.not_checked(),
             [
-                "not checked: package.json: no key `net`, `library`, `cell` or `robot`",
+                "not checked: package.json: no key `net`, `library`, `task`, `cell` or `robot`",
                 "not checked: pipe.yaml: not a regular file",
                 "not checked: 4 files by their endings (none, .md)",
             ]
