@@ -135,6 +135,17 @@ def test_a_wait_for_a_command_that_somebody_unloads_ends(cell, cell_name):
             waiting.result()
 
 
+def test_a_wait_tells_how_a_net_ended_that_somebody_has_unloaded(cell, cell_name):
+    command = cell.load(ramp("ended"))
+    command.start()
+    with rcc.connect(cell_name) as other:
+        same = other.command(command.id)
+        same.abort()
+        same.wait(60)
+        same.unload()
+    assert command.wait(60).reason == "aborted"
+
+
 def messages(file):
     """The messages of an MCAP file by topic, as a reader of others decodes them, with their times, s."""
     with open(file, "rb") as opened:

@@ -124,7 +124,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     cell.await_devices();
     let mut arm = cell.simulator("lwr-sim");
     arm.reset_statistics();
-    cell.run(&nets::line("line", 0.2, 0.05));
+    let line = cell.run(&nets::line("line", 0.2, 0.05));
     arm.await_motion();
     std::fs::write(&trigger, "").expect("a file");
     let status = executor.0.wait().expect("the child is ours");
@@ -140,7 +140,8 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     arm.assert_still(1000);
     // The net was canceled as by SIGTERM, so the driver did not have to stop the arm.
     let (events, _) = cell.cli_exits(0, &["events"]);
-    assert!(events.contains("line#1 canceling"), "{events}");
+    let canceling = format!("line#{line} canceling");
+    assert!(events.contains(&canceling), "{events}");
     assert!(!events.contains("brings the device to rest"), "{events}");
 }
 
