@@ -45,7 +45,7 @@ struct InputName {
 #[derive(Debug)]
 pub struct Parameters {
     cell: String,
-    /// Settable inputs by command id and time of loading: ids begin anew with each executor.
+    /// Settable inputs by command id and time of loading: ids begin anew with each start of the cell.
     known: HashMap<(u64, u64), Vec<String>>,
 }
 

@@ -35,7 +35,8 @@ pub struct TaskExplanation {
     pub rules: Vec<RuleExplanation>,
 }
 
-fn title(rule: &RuleBody) -> &str {
+/// Returns the name of a rule, or its condition.
+pub(super) fn title(rule: &RuleBody) -> &str {
     rule.name.as_deref().unwrap_or(&rule.when)
 }
 

@@ -13,6 +13,7 @@ use rcc_protocol::control::{PlanData, SWITCH_MAX};
 use rcc_protocol::rules::Rule;
 
 use super::TaskFile;
+use super::analysis::title;
 use crate::failure::Failure;
 use crate::follow::read_net;
 
@@ -150,10 +151,6 @@ impl CompiledTask {
         }
         Ok(ids)
     }
-}
-
-fn title(rule: &RuleBody) -> &str {
-    rule.name.as_deref().unwrap_or(&rule.when)
 }
 
 fn bad(rule: &RuleBody, message: &str, help: String) -> ApiError {
