@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rcc_config::cell::SupervisionConfig;
-use rcc_config::{AccessConfig, CellConfig};
+use rcc_config::{AccessConfig, CellConfig, DeviceConfig, DriverConfig, DriverNeed};
 
 use crate::supervisor::processes;
 use cores::Cores;
@@ -163,7 +163,7 @@ impl CellUnits<'_> {
         self.file(&unit, &text)
     }
 
-    fn driver(&self, device: &rcc_config::DeviceConfig) -> UnitFile {
+    fn driver(&self, device: &DeviceConfig) -> UnitFile {
         let cell = self.cell;
         let priority = processes::driver_priority(self.config.executor.priority);
         let more = format!(
@@ -190,12 +190,26 @@ impl CellUnits<'_> {
             self.affinity(),
             self.state_folder(),
             addresses::allowed(&device.settings),
-        );
+        ) + &self.own_program(device);
         let unit = format!("rcc-driver@{cell}.{}.service", device.name);
         self.file(
             &unit,
             &(limits(&self.config.supervision) + &order + "\n[Service]\n" + &service),
         )
+    }
+
+    /// Starts the program that the configuration names, with what it needs and no more.
+    fn own_program(&self, device: &DeviceConfig) -> String {
+        let DriverConfig::Program(own) = &device.driver else {
+            return String::new();
+        };
+        let program = own
+            .path(&device.folder)
+            .unwrap_or_else(|| self.programs.join(&own.program));
+        let arguments = own.arguments.iter().map(|one| format!(" {}", quoted(one)));
+        let start = quoted(&program.display().to_string()) + &arguments.collect::<String>();
+        let needs: String = own.needs.iter().map(permitted).collect();
+        format!("ExecStart=\nExecStart={start}\n{needs}")
     }
 
     fn simulator(&self, simulator: &rcc_config::cell::SimulatorConfig) -> UnitFile {
@@ -286,6 +300,16 @@ fn limits(supervision: &SupervisionConfig) -> String {
         within_ns / 1_000_000,
         restarts + 1
     )
+}
+
+/// Returns the lines that permit what a driver needs.
+fn permitted(need: &DriverNeed) -> String {
+    match need {
+        DriverNeed::RawNetwork => "AmbientCapabilities=CAP_NET_RAW\nCapabilityBoundingSet=CAP_NET_RAW\nRestrictAddressFamilies=AF_PACKET\n".to_owned(),
+        DriverNeed::DeviceFile(path) => {
+            format!("PrivateDevices=no\nDevicePolicy=closed\nDeviceAllow={path} rw\n")
+        }
+    }
 }
 
 /// Returns the permissions that the loader needs for its configured listeners.

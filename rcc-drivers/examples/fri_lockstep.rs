@@ -12,7 +12,7 @@ use std::path::Path;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::message::JOINTS_MAX;
-use rcc_drivers::driver::{Exchange, Inputs, Outputs};
+use rcc_driver_kit::driver::{Exchange, Inputs, Outputs};
 use rcc_drivers::drivers::fri_iiwa::session::{IiwaSession, SessionSettings as IiwaSettings};
 use rcc_drivers::drivers::fri_lwr::fri_session::{FriSession, SessionSettings as LwrSettings};
 use rcc_drivers::fri_iiwa::wire::{Quality, Version};

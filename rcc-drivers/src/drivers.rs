@@ -1,81 +1,30 @@
 //! Table of all drivers: one module and one entry each.
 //! Read once at start-up.
 
-use rcc_config::DeviceConfig;
-
-use crate::driver::{Driver, DriverError};
-use crate::host::reason::Reason;
+use rcc_driver_kit::driver::DriverEntry;
 
 pub mod fri_iiwa;
 pub mod fri_lwr;
 pub mod fri_socket;
 pub mod ideal_arm;
 pub mod modbus;
-#[cfg(test)]
-pub mod template;
-
-/// One driver in [`DRIVERS`].
-#[derive(Debug)]
-pub struct DriverEntry {
-    /// Name in a cell's configuration.
-    pub name: &'static str,
-    /// Opens the driver, see [`Driver::open`].
-    pub open: fn(&DeviceConfig) -> Result<Box<dyn Driver>, DriverError>,
-    /// Meaning of the driver's reason numbers, which start at 100.
-    pub reasons: &'static [Reason],
-}
+pub mod software;
 
 /// All drivers, by name.
 pub const DRIVERS: &[DriverEntry] = &[
-    DriverEntry {
-        name: "fri-iiwa",
-        open: boxed::<fri_iiwa::FriIiwa>,
-        reasons: fri_iiwa::REASONS,
-    },
-    DriverEntry {
-        name: "fri-lwr",
-        open: boxed::<fri_lwr::FriLwr>,
-        reasons: fri_lwr::REASONS,
-    },
-    DriverEntry {
-        name: "ideal-arm",
-        open: boxed::<ideal_arm::IdealArm>,
-        reasons: ideal_arm::REASONS,
-    },
-    DriverEntry {
-        name: "modbus",
-        open: boxed::<modbus::Modbus>,
-        reasons: modbus::REASONS,
-    },
+    DriverEntry::new::<fri_iiwa::FriIiwa>("fri-iiwa", fri_iiwa::REASONS),
+    DriverEntry::new::<fri_lwr::FriLwr>("fri-lwr", fri_lwr::REASONS),
+    DriverEntry::new::<ideal_arm::IdealArm>("ideal-arm", ideal_arm::REASONS),
+    DriverEntry::new::<modbus::Modbus>("modbus", modbus::REASONS),
+    DriverEntry::new::<software::Software>("software", software::REASONS),
 ];
-
-fn boxed<D: Driver + 'static>(device: &DeviceConfig) -> Result<Box<dyn Driver>, DriverError> {
-    D::open(device).map(|driver| Box::new(driver) as Box<dyn Driver>)
-}
-
-/// Returns the driver that a device's configuration names.
-///
-/// # Errors
-/// Returns [`DriverError::UnknownDriver`] if no driver has this name.
-pub fn find(device: &DeviceConfig) -> Result<&'static DriverEntry, DriverError> {
-    let row = DRIVERS.iter().find(|row| row.name == device.driver);
-    row.ok_or_else(|| DriverError::UnknownDriver {
-        device: device.name.clone(),
-        driver: device.driver.clone(),
-        known: DRIVERS
-            .iter()
-            .map(|row| row.name)
-            .collect::<Vec<_>>()
-            .join(", "),
-    })
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
-    use crate::host::reason::HOST_REASONS;
+    use rcc_driver_kit::host::reason::HOST_REASONS;
 
     #[test]
     fn every_reason_has_one_number_and_drivers_begin_at_100() {

@@ -14,7 +14,7 @@ use rcc_core::primitive::ChannelKind::{
     self, AnalogInput, AnalogOutput, DigitalInput, DigitalOutput,
 };
 use rcc_core::unit::Unit;
-use rcc_drivers::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
+use rcc_driver_kit::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABLE};
 use serde_json::{Value, json};
@@ -155,7 +155,8 @@ fn device(settings: Value, rows: &[Row<'_>]) -> DeviceConfig {
     };
     DeviceConfig {
         name: "io".to_owned(),
-        driver: "modbus".to_owned(),
+        driver: rcc_config::DriverConfig::Name("modbus".to_owned()),
+        folder: std::path::PathBuf::new(),
         robot: None,
         settings,
         channels: rows.iter().enumerate().map(channel).collect(),

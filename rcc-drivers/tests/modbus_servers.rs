@@ -10,7 +10,7 @@ use common::Simulator;
 use rcc_config::{CellConfig, ChannelConfig, DeviceConfig, OnRelease};
 use rcc_core::primitive::ChannelKind::{self, DigitalInput, DigitalOutput};
 use rcc_core::unit::Unit;
-use rcc_drivers::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
+use rcc_driver_kit::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABLE};
 use serde_json::json;
@@ -49,7 +49,8 @@ fn open(servers: [&Simulator; 2], timeout: &str) -> Modbus {
     let server = |one: &Simulator| json!({"address": one.modbus().to_string(), "timeout": timeout, "back_off": "60 ms"});
     let device = DeviceConfig {
         name: "io".to_owned(),
-        driver: "modbus".to_owned(),
+        driver: rcc_config::DriverConfig::Name("modbus".to_owned()),
+        folder: std::path::PathBuf::new(),
         robot: None,
         settings: json!({"period": "2 ms", "servers": {"a": server(servers[0]), "b": server(servers[1])}}),
         channels: rows.iter().enumerate().map(channel).collect(),

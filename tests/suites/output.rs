@@ -190,9 +190,9 @@ fn no_program_panics_when_its_log_cannot_be_written() {
     let cell = TestCell::demo();
     let config = cell.config().display().to_string();
     let missing = cell.folder().join("missing.yaml").display().to_string();
-    for program in ["rcc-exec", "rcc-loader", "rcc-driver", "rcc-probe"] {
+    for program in ["rcc-exec", "rcc-loader", "rcc-driver"] {
         let device: &[&str] = match program {
-            "rcc-driver" | "rcc-probe" => &["--device", "io"],
+            "rcc-driver" => &["--device", "io"],
             _ => &[],
         };
         // Each one ends with an error: it runs already, or its configuration file is missing.

@@ -5,9 +5,9 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use bytemuck::bytes_of_mut;
 use rcc_core::impedance::ControlMode;
 use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, SetPoint};
-use rcc_drivers::driver::{Exchange, Inputs};
-use rcc_drivers::host::device_session::DeviceSession;
-use rcc_drivers::host::limits::ArmLimits;
+use rcc_driver_kit::driver::{Exchange, Inputs};
+use rcc_driver_kit::host::device_session::DeviceSession;
+use rcc_driver_kit::host::limits::ArmLimits;
 use rcc_engine::queue::EngineRequest;
 
 use crate::engine::EngineHarness;

@@ -5,12 +5,12 @@ use std::sync::LazyLock;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, SET_POINTS, SetPoint};
-use rcc_drivers::driver::Inputs;
+use rcc_driver_kit::driver::Inputs;
+use rcc_driver_kit::host::device_session::DeviceSession;
 use rcc_drivers::drivers::fri_lwr::fri_session::{FriSession, SessionSettings};
 use rcc_drivers::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, MeasurementDatagram, Quality, SessionState,
 };
-use rcc_drivers::host::device_session::DeviceSession;
 
 use crate::plan::real;
 use crate::set_point_checker::SetPointChecker;

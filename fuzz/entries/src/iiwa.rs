@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_config::{CellConfig, DeviceConfig};
-use rcc_drivers::driver::{Exchange, Inputs, Outputs};
+use rcc_driver_kit::driver::{Exchange, Inputs, Outputs};
 use rcc_drivers::drivers::fri_iiwa::session::{IiwaSession, SessionSettings};
 use rcc_drivers::fri_iiwa::wire::schema::{Command, Monitoring};
 use rcc_drivers::fri_iiwa::wire::{FriMessage, Quality, Version, decode, encode};

@@ -13,7 +13,7 @@ use std::time::Duration;
 use arbitrary::{Arbitrary, Unstructured};
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::primitive::ChannelKind;
-use rcc_drivers::driver::{Driver, Inputs, Outputs};
+use rcc_driver_kit::driver::{Driver, Inputs, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 
 use crate::plan::real;

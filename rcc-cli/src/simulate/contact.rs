@@ -51,7 +51,7 @@ impl FlangeContact {
             pushed: [0.0; 6],
             load,
             masses: match ArmDynamics::new(&robot.arm, &robot.dynamics, gravity) {
-                _ if config.driver == IDEAL_ARM => ArmMasses::None,
+                _ if config.driver.is(IDEAL_ARM) => ArmMasses::None,
                 Some(dynamics) => ArmMasses::Known(dynamics),
                 None => ArmMasses::Unknown,
             },

@@ -257,7 +257,7 @@ fn set_bit(bits: &mut u64, index: usize, value: bool) {
 /// Returns the start position of an arm: that of its simulator (`--start=`) or driver, or else the middle of its
 /// ranges, rad.
 fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Joints {
-    if config.driver == IDEAL_ARM {
+    if config.driver.is(IDEAL_ARM) {
         let given = config.settings.get("start");
         return given
             .and_then(|given| robot.positions(given))

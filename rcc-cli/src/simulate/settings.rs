@@ -16,7 +16,7 @@ const KNOWN: [&str; 2] = ["period", "start"];
 pub fn first_invalid_setting(config: &CellConfig) -> Option<String> {
     config.devices.iter().find_map(|device| {
         let robot = device.robot.as_ref()?;
-        let wrong = match device.driver == IDEAL_ARM {
+        let wrong = match device.driver.is(IDEAL_ARM) {
             true => invalid_driver_setting(device, robot),
             false => invalid_simulator_argument(&arguments_of(device, &config.simulators), robot),
         };
@@ -93,6 +93,8 @@ fn invalid_simulator_argument(arguments: &[&str], robot: &RobotConfig) -> Option
 mod tests {
     use std::path::Path;
 
+    use rcc_config::DriverConfig;
+
     use super::*;
 
     fn cell(name: &str) -> CellConfig {
@@ -161,7 +163,7 @@ mod tests {
         ] {
             let mut cell = cell("table.yaml");
             let device = &mut cell.devices[0];
-            device.driver = IDEAL_ARM.to_owned();
+            device.driver = DriverConfig::Name(IDEAL_ARM.to_owned());
             device.settings = serde_json::from_str(&format!("{{\"{name}\": {value}}}")).unwrap();
             let message =
                 first_invalid_setting(&cell).unwrap_or_else(|| panic!("{name}: {value} is taken"));

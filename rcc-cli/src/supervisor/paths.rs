@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
+use rcc_config::{DeviceConfig, DriverConfig};
 
 use crate::failure::Failure;
 
@@ -32,6 +33,26 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
             "build all programs (`cargo build --release`) or install them in one folder",
         )
     })
+}
+
+/// Returns the path of the program that drives a device.
+///
+/// # Errors
+/// Fails if it does not exist.
+pub fn driver(device: &DeviceConfig) -> Result<PathBuf, Failure> {
+    let own = match &device.driver {
+        DriverConfig::Name(_) => return program("rcc-driver"),
+        DriverConfig::Program(own) => own,
+    };
+    match own.path(&device.folder) {
+        None => program(&own.program),
+        Some(path) if path.is_file() => Ok(path),
+        Some(path) => Err(Failure::new(
+            codes::PROCESS_FAILED,
+            format!("the driver's program is not there: {}", path.display()),
+            "build it, or correct `driver: {program: …}`; a path is relative to the cell's file",
+        )),
+    }
 }
 
 /// Returns the path of a configuration file: below `$RCC_CONFIGS`, or else in the source tree of this program, or else

@@ -6,7 +6,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
-use rcc_config::{CellConfig, auto_ports, free_port};
+use rcc_config::{CellConfig, DriverConfig, auto_ports, free_port};
 use rcc_ipc::cell;
 use rcc_process::oom;
 
@@ -174,14 +174,18 @@ pub fn process_specs(name: &str, prepared: &PreparedCell) -> Result<Vec<ProcessS
         ready: ReadySignal::Notified,
     });
     for device in &prepared.config.devices {
-        let mut arguments = common.clone();
+        let mut arguments: Vec<OsString> = match &device.driver {
+            DriverConfig::Name(_) => Vec::new(),
+            DriverConfig::Program(own) => own.arguments.iter().map(Into::into).collect(),
+        };
+        arguments.extend(common.clone());
         arguments.extend(["--device".into(), device.name.as_str().into()]);
         let priority = driver_priority(prepared.config.executor.priority);
         arguments.extend(["--priority".into(), priority.to_string().into()]);
         all.push(ProcessSpec {
             kind: ProcessKind::Driver,
             name: format!("driver/{}", device.name),
-            program: paths::program("rcc-driver")?,
+            program: paths::driver(device)?,
             arguments,
             ready: ReadySignal::Notified,
         });

@@ -20,7 +20,7 @@ mod read;
 #[cfg(test)]
 pub(crate) mod keys {
     pub use super::read::{
-        DEVICE_KEYS as DEVICE, EXECUTOR_KEYS as EXECUTOR, KEYS as CELL,
+        DEVICE_KEYS as DEVICE, DRIVER_KEYS as DRIVER, EXECUTOR_KEYS as EXECUTOR, KEYS as CELL,
         SIMULATOR_KEYS as SIMULATOR, SUPERVISION_KEYS as SUPERVISION,
     };
 }

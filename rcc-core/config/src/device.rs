@@ -1,12 +1,15 @@
 //! A device of a cell: its driver, its robot and its named channels.
 //! Read once at start-up by every process that works with the cell; never by the real-time thread.
 
+use std::path::PathBuf;
+
 use rcc_core::frame::DeviceModel;
 use rcc_core::pose::Pose;
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 use rcc_core::workspace::Workspace;
 
+use crate::driver::DriverConfig;
 use crate::robot::{NO_JOINTS, RobotConfig};
 
 mod read;
@@ -20,8 +23,10 @@ pub(crate) use read::channels;
 pub struct DeviceConfig {
     /// Name, unique in its cell; `[a-z][a-z0-9_-]{0,31}`.
     pub name: String,
-    /// Name of the driver; only the drivers package knows which exist.
-    pub driver: String,
+    /// Which program drives it.
+    pub driver: DriverConfig,
+    /// Folder of the cell's file, to which the paths of programs are relative.
+    pub folder: PathBuf,
     /// The arm; `None` for plain I/O.
     pub robot: Option<RobotConfig>,
     /// Driver-specific settings, an object; `${port}` is already replaced in its texts.

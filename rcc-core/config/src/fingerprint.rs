@@ -7,6 +7,7 @@ use rcc_core::pose::Pose;
 
 use crate::cell::CellConfig;
 use crate::device::{CHANNEL_KINDS, ChannelConfig, DeviceConfig, OnRelease, kind_name};
+use crate::driver::DriverConfig;
 use crate::robot::RobotConfig;
 
 /// The parts of a device's configuration that have a fingerprint each, in the order in which they are announced.
@@ -74,7 +75,7 @@ impl CellConfig {
             hash.0
         };
         [
-            of(&|hash| hash.text(&device.driver)),
+            of(&|hash| hash.driver(&device.driver)),
             of(&|hash| {
                 hash.number(self.period_ns);
                 hash.number(device.command_timeout_ns);
@@ -181,6 +182,14 @@ impl Fnv {
         self.bytes(channel.unit.exponents.map(|power| power.to_le_bytes()[0]));
         let [lower, upper] = channel.range.unwrap_or([f64::NAN; 2]);
         self.reals([lower, upper]);
+    }
+
+    fn driver(&mut self, driver: &DriverConfig) {
+        self.text(&driver.to_string());
+        if let DriverConfig::Program(program) = driver {
+            self.number(program.arguments.len() as u64);
+            program.arguments.iter().for_each(|one| self.text(one));
+        }
     }
 
     /// Hashes what only the driver uses of a channel.

@@ -235,7 +235,7 @@ fn device() -> Value {
         "A device.",
         &["driver"],
         json!({
-            "driver": named("Driver: `fri-lwr`, `modbus`, `ideal-arm`, …", DEVICE_NAME),
+            "driver": {"anyOf": [named("Driver: `fri-lwr`, `modbus`, `ideal-arm`, …", DEVICE_NAME), driver_program()]},
             "robot": text("File of the robot, relative to this file."),
             "settings": {"description": "Settings of the driver; docs/drivers.md lists them.", "type": "object"},
             "channels": by_name(ID, "Channels by name.", channel()),
@@ -244,6 +244,22 @@ fn device() -> Value {
             "workspace": workspace,
             "command_timeout": quantity("Age of a command after which the driver stops the arm: `50 ms`."),
             "delay": quantity("Time that set-points wait in the driver: `10 ms`."),
+        }),
+    )
+}
+
+fn driver_program() -> Value {
+    object(
+        "A program that drives the device.",
+        &["program"],
+        json!({
+            "program": text("With a `/` a path relative to this file, otherwise in the folder of RCC's programs."),
+            "arguments": {"description": "Its first arguments.", "type": "array", "items": {"type": ["string", "integer"]}},
+            "needs": {
+                "description": "What its unit permits: `raw network`, `/dev/ttyUSB0`.",
+                "type": "array",
+                "items": {"type": "string", "pattern": "^(raw network|/dev/[A-Za-z0-9/_.:-]+)$"},
+            },
         }),
     )
 }
@@ -417,6 +433,7 @@ mod tests {
             (&["simulators"], &of_cell::SIMULATOR),
             (&["devices"], &of_cell::DEVICE),
             (&["devices", "channels"], &crate::device::CHANNEL_KEYS),
+            (&["devices", "driver"], &of_cell::DRIVER),
             (&["recorder"], &crate::recorder::KEYS),
             (&["access"], &crate::access::KEYS),
         ] {

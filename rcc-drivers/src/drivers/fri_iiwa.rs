@@ -11,11 +11,11 @@ use std::time::Duration;
 use rcc_config::DeviceConfig;
 
 use super::fri_socket::{Dialogue, FriSocket, Verdict};
-use crate::driver::{
+use crate::fri_iiwa::wire::{Quality, Version};
+use rcc_driver_kit::driver::{
     Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
 };
-use crate::fri_iiwa::wire::{Quality, Version};
-use crate::host::reason::Reason;
+use rcc_driver_kit::host::reason::Reason;
 
 pub mod counters;
 pub mod overlay;

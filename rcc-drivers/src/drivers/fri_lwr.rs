@@ -14,11 +14,11 @@ use rcc_core::impedance::ControlMode;
 use rcc_os::clock::monotonic_ns;
 
 use super::fri_socket::{Dialogue, FriSocket, Verdict};
-use crate::driver::{
+use crate::fri_lwr::wire::{HeaderRule, MeasurementDatagram, Quality};
+use rcc_driver_kit::driver::{
     Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
 };
-use crate::fri_lwr::wire::{HeaderRule, MeasurementDatagram, Quality};
-use crate::host::reason::Reason;
+use rcc_driver_kit::host::reason::Reason;
 
 pub mod counters;
 pub mod fri_session;

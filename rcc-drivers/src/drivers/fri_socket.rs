@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use rcc_config::DeviceConfig;
 
-use crate::driver::{DriverError, LinkError};
 use peer::Peer;
+use rcc_driver_kit::driver::{DriverError, LinkError};
 
 pub mod peer;
 

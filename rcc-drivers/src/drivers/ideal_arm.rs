@@ -12,11 +12,11 @@ use rcc_core::impedance::ControlMode;
 use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
-use crate::driver::{
+use rcc_driver_kit::driver::{
     Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
     to_raw, to_si,
 };
-use crate::host::reason::Reason;
+use rcc_driver_kit::host::reason::Reason;
 
 /// The driver is ending.
 pub const RELEASED: u32 = 100;

@@ -13,8 +13,10 @@ use rcc_config::DeviceConfig;
 use rcc_core::impedance::ControlMode;
 use rcc_core::message::JOINTS_MAX;
 
-use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs};
-use crate::host::reason::Reason;
+use rcc_driver_kit::driver::{
+    Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs,
+};
+use rcc_driver_kit::host::reason::Reason;
 
 pub mod address;
 pub mod connection;

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::proxy::{FaultCounts, FaultRates, FaultyLink};
+use rcc_driver_kit::proxy::{FaultCounts, FaultRates, FaultyLink};
 
 /// Fault rates of each direction.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Deserialize)]

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use rcc_config::{DeviceConfig, auto_ports};
+use rcc_config::{DeviceConfig, DriverConfig, auto_ports};
 use rcc_protocol::Role;
 
 use super::{LinkFacts, sockets};
@@ -35,7 +35,7 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     let unknown = unknown.into_iter().map(|(name, _)| name);
     let mut facts = LinkFacts {
         device: device.name.clone(),
-        driver: device.driver.clone(),
+        driver: device.driver.to_string(),
         settings: device.settings.clone(),
         source: config.source.display().to_string(),
         period_ns: config.period_ns,
@@ -103,13 +103,16 @@ fn listen(chosen: &SelectedCell, device: &DeviceConfig, facts: &mut LinkFacts) {
 }
 
 fn probe(chosen: &SelectedCell, device: &DeviceConfig) -> Result<serde_json::Value, String> {
-    let program = paths::program("rcc-probe").map_err(|failure| failure.body.message.clone())?;
+    let program = paths::driver(device).map_err(|failure| failure.body.message.clone())?;
     let mut command = Command::new(&program);
+    if let DriverConfig::Program(own) = &device.driver {
+        command.args(&own.arguments);
+    }
     command
         .args(["--cell", &chosen.config.name, "--device", &device.name])
         .arg("--config")
         .arg(&chosen.path)
-        .args(["--milliseconds", &LISTEN_TIME.as_millis().to_string()])
+        .args(["--listen", &LISTEN_TIME.as_millis().to_string()])
         .env_remove("RCC_PORTS");
     for (name, number) in &chosen.ports {
         command.arg("--port").arg(format!("{name}={number}"));

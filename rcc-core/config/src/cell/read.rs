@@ -13,6 +13,7 @@ use crate::base;
 use crate::codes;
 use crate::device::{DeviceConfig, channels};
 use crate::diagnostic::{Faults, Span};
+use crate::driver::{DriverConfig, DriverNeed, DriverProgram};
 use crate::file::{self, SourceFile};
 use crate::file_kind::FileKind;
 use crate::ports::{self, PortNumbers};
@@ -43,6 +44,7 @@ const CONTROL: (&str, &str) = (
     "control",
     "remove this line, and the port that only it uses: a simulator with `device` has its control port in the cell's folder",
 );
+pub const DRIVER_KEYS: [&str; 3] = ["program", "arguments", "needs"];
 pub const DEVICE_KEYS: [&str; 9] = [
     "driver",
     "robot",
@@ -286,10 +288,7 @@ impl CellFileReader<'_> {
         let fields = reader.fields_or(value, key.span, "a simulator", &SIMULATOR_KEYS, CONTROL)?;
         let program = reader.require(&fields, "program");
         let program = program.and_then(|node| Some((reader.text(node, "program")?, node.span)));
-        let list = fields.get("arguments");
-        let list = list.and_then(|node| reader.list(node, "arguments"));
-        let list = list.unwrap_or_default().iter();
-        let arguments: Vec<String> = list.filter_map(|node| self.argument(node)).collect();
+        let arguments = self.arguments(&fields);
         let device = match fields.get("device") {
             Some(node) => Some(self.name(node, "a device")?),
             None => None,
@@ -331,6 +330,13 @@ impl CellFileReader<'_> {
         }
     }
 
+    fn arguments(&mut self, fields: &Fields<'_>) -> Vec<String> {
+        let list = fields.get("arguments");
+        let list = list.and_then(|node| self.reader.list(node, "arguments"));
+        let list = list.unwrap_or_default().iter();
+        list.filter_map(|node| self.argument(node)).collect()
+    }
+
     /// Reads a text or an integer; other numbers would not be passed on exactly as written.
     fn argument(&mut self, node: &Node) -> Option<String> {
         match &node.value {
@@ -360,7 +366,7 @@ impl CellFileReader<'_> {
             .reader
             .fields(value, key.span, "a device", &DEVICE_KEYS)?;
         let driver = self.reader.require(&fields, "driver");
-        let driver = driver.and_then(|node| self.name(node, "a driver"));
+        let driver = driver.and_then(|node| self.driver(node));
         let robot = match fields.get("robot") {
             Some(node) => self.robot(node).map(Some),
             None => {
@@ -386,6 +392,7 @@ impl CellFileReader<'_> {
         Some(DeviceConfig {
             name: name?,
             driver: driver?,
+            folder: self.base.to_owned(),
             robot: robot?,
             settings: settings?,
             channels: channels?,
@@ -395,6 +402,43 @@ impl CellFileReader<'_> {
             command_timeout_ns: timeout?,
             delay_ns: delay?,
         })
+    }
+
+    /// Reads the name of one of RCC's own drivers, or the program of another one.
+    fn driver(&mut self, node: &Node) -> Option<DriverConfig> {
+        if !matches!(node.value, Value::Map(_)) {
+            return self.name(node, "a driver").map(DriverConfig::Name);
+        }
+        let reader = &mut self.reader;
+        let fields = reader.fields(node, node.span, "a driver", &DRIVER_KEYS)?;
+        let program = reader.require(&fields, "program");
+        let program = program.and_then(|node| reader.text(node, "program"));
+        let needs = match fields.get("needs") {
+            Some(node) => reader.list(node, "needs")?,
+            None => &[],
+        };
+        let needs: Vec<DriverNeed> = needs.iter().filter_map(|node| self.need(node)).collect();
+        let arguments = self.arguments(&fields);
+        Some(DriverConfig::Program(DriverProgram {
+            program: program?.to_owned(),
+            arguments,
+            needs,
+        }))
+    }
+
+    fn need(&mut self, node: &Node) -> Option<DriverNeed> {
+        let text = self.reader.text(node, "a need of a driver")?;
+        let need = DriverNeed::read(text);
+        if need.is_none() {
+            let message = format!("unknown need of a driver `{text}`");
+            let help = format!(
+                "known needs: `{}`, or a device file: `/dev/ttyUSB0`",
+                DriverNeed::RAW_NETWORK
+            );
+            let fault = error(codes::UNKNOWN_KIND, node.span, message);
+            self.reader.report(fault.help(&help));
+        }
+        need
     }
 
     fn settings(&mut self, device: &Fields<'_>) -> Option<serde_json::Value> {

@@ -11,18 +11,19 @@ use rcc_core::primitive::ChannelKind::{
 use serde_json::json;
 
 use super::{FriIiwa, REASONS};
-use crate::conformance::capture::Capture;
-use crate::conformance::fault_path::PacketSource;
-use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance};
-use crate::driver::Inputs;
 use crate::fri_iiwa::wire::schema::Command;
 use crate::fri_iiwa::wire::{Version, decode};
-use crate::host::reason::Reason;
 use crate::sim::iiwa::cabinet::Cabinet;
 use crate::sim::iiwa::settings::Settings as CabinetSettings;
 use crate::sim::iiwa::station::SignalLoopback;
 use crate::sim::lwr::settings::supervised_limits;
 use crate::sim::robot_settings::RobotSettings;
+use rcc_driver_kit::conformance;
+use rcc_driver_kit::conformance::capture::Capture;
+use rcc_driver_kit::conformance::fault_path::PacketSource;
+use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport};
+use rcc_driver_kit::driver::Inputs;
+use rcc_driver_kit::host::reason::Reason;
 
 /// The cabinet and the driver speak 1.15.
 const VERSION: Version = Version::V1_14;
@@ -39,8 +40,8 @@ fn station_name(index: usize, kind: ChannelKind) -> String {
 
 /// Returns the arm of the demo cell as an iiwa that speaks this version, with listening address `at`.
 fn iiwa(at: SocketAddr) -> DeviceConfig {
-    let mut device = crate::conformance::rules::some_robot();
-    device.driver = "fri-iiwa".to_owned();
+    let mut device = rcc_driver_kit::conformance::rules::some_robot();
+    device.driver = rcc_config::DriverConfig::Name("fri-iiwa".to_owned());
     device.settings = json!({"listen": at.to_string(), "version": "1.15"});
     for kind in [DigitalInput, DigitalOutput, AnalogInput, AnalogOutput] {
         let channels = device

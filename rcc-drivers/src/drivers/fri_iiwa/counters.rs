@@ -9,12 +9,12 @@ use std::sync::atomic::{AtomicI32, AtomicU64, Ordering::Relaxed};
 use serde_json::{Value, json};
 
 use super::session::{Refusal, RobotState};
-use crate::driver::LinkDiagnosis;
 use crate::drivers::fri_socket::peer::Peer;
 use crate::fri_iiwa::wire::{
     ClientCommandMode, ControlMode, DriveState, OperationMode, Quality, SafetyState, SessionState,
     Version,
 };
+use rcc_driver_kit::driver::LinkDiagnosis;
 
 /// Counters of one connection.
 #[derive(Debug)]

@@ -6,8 +6,8 @@ use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::primitive::ChannelKind::{AnalogInput, DigitalInput};
 
 use super::robot_state::RobotState;
-use crate::driver::{Inputs, channels, to_si};
 use crate::fri_iiwa::wire::{JOINTS, SafetyState, SessionState};
+use rcc_driver_kit::driver::{Inputs, channels, to_si};
 
 /// A value of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

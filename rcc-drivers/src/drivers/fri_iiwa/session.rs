@@ -16,11 +16,11 @@ use super::station_io::StationIo;
 use super::{
     COMMAND_MODE, DRIVES_OFF, ENTERING, IDLE, MONITORING, QUALITY, REJOINED, SPRINGS, STATION_IO,
 };
-use crate::driver::{DriverError, Exchange, Inputs, Outputs};
 use crate::fri_iiwa::wire::schema::{Command, CommandData, Header, Monitoring};
 use crate::fri_iiwa::wire::{
     COMMAND_ID, JOINTS, Quality, SafetyState, SessionState, Version, decode, encode,
 };
+use rcc_driver_kit::driver::{DriverError, Exchange, Inputs, Outputs};
 
 /// Number of cycles in which commands are executed and the driver still mirrors.
 const ENTRY_CYCLES: u32 = 3;

@@ -7,9 +7,11 @@ use rcc_core::primitive::ChannelKind::{
 };
 
 use super::robot_values::is_robot_value;
-use crate::driver::{DriverError, Inputs, Outputs, channel_error, channels, to_raw, to_si};
 use crate::fri_iiwa::wire::schema::IoValue;
 use crate::fri_iiwa::wire::{IO_MAX, IO_NAME_MAX, IoDirection, IoKind};
+use rcc_driver_kit::driver::{
+    DriverError, Inputs, Outputs, channel_error, channels, to_raw, to_si,
+};
 
 const EXPECTED: &str = "the name of the station's input or output, such as \"FRI.Out_Bool\", at most 63 bytes, that no other channel of this kind has; for an input also a value of the robot, such as \"interpolated 3\" or \"safety normal\"";
 

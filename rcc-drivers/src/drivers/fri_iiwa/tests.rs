@@ -24,7 +24,7 @@ const COMMANDING_WAIT: i32 = 3;
 const COMMANDING_ACTIVE: i32 = 4;
 
 fn arm() -> DeviceConfig {
-    let mut device = crate::conformance::rules::some_robot();
+    let mut device = rcc_driver_kit::conformance::rules::some_robot();
     device.channels.clear();
     device
 }

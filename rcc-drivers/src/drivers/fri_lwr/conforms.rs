@@ -11,14 +11,15 @@ use rcc_core::primitive::ChannelKind::{
 use serde_json::json;
 
 use super::{FriLwr, REASONS};
-use crate::conformance::capture::Capture;
-use crate::conformance::fault_path::PacketSource;
-use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance};
-use crate::driver::Inputs;
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState};
-use crate::host::reason::Reason;
 use crate::sim::lwr::krc::Krc;
 use crate::sim::lwr::settings::{KrlLoopback, Settings as KrcSettings};
+use rcc_driver_kit::conformance;
+use rcc_driver_kit::conformance::capture::Capture;
+use rcc_driver_kit::conformance::fault_path::PacketSource;
+use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport};
+use rcc_driver_kit::driver::Inputs;
+use rcc_driver_kit::host::reason::Reason;
 
 /// Faults of the simulated controller that losses on the wire cause: missed answers, connection quality.
 const OF_THE_WIRE: [i32; 2] = [1, 2];
@@ -27,7 +28,7 @@ const OF_THE_WIRE: [i32; 2] = [1, 2];
 pub(super) fn lwr(at: SocketAddr) -> DeviceConfig {
     DeviceConfig {
         settings: json!({"listen": at.to_string()}),
-        ..crate::conformance::rules::some_robot()
+        ..rcc_driver_kit::conformance::rules::some_robot()
     }
 }
 

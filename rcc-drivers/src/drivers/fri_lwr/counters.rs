@@ -8,11 +8,11 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use serde_json::{Value, json};
 
 use super::plausibility::Doubt;
-use crate::driver::LinkDiagnosis;
 use crate::drivers::fri_socket::peer::Peer;
 use crate::fri_lwr::wire::{
     FriControlStrategy, HeaderRule, MeasurementDatagram, Quality, SessionState, WireError,
 };
+use rcc_driver_kit::driver::LinkDiagnosis;
 
 /// A larger step of the sequence number is a restart of the controller, not a loss of datagrams.
 const GAP_MAX: u16 = 1000;

@@ -14,10 +14,12 @@ use super::plausibility::{Doubt, PeriodMean, changed, has_power};
 use super::strategy::StrategyEncoder;
 use super::variables::{KrlChannel, Variable, krl_channels};
 use super::{DRIVES_OFF, ENTERING, MONITORING, POSE, QUALITY, STRATEGY};
-use crate::driver::{DriverError, Exchange, Inputs, Outputs, channel_error, to_raw, to_si};
 use crate::fri_lwr::wire::{
     CMD_SIZE, CommandDatagram, HeaderRule, JOINTS, KrlBlock, MeasurementDatagram, Quality,
     SessionState,
+};
+use rcc_driver_kit::driver::{
+    DriverError, Exchange, Inputs, Outputs, channel_error, to_raw, to_si,
 };
 
 /// Number of cycles in command state in which the driver still mirrors.

@@ -13,11 +13,11 @@ use crate::drivers::fri_socket::ROBOT_TIMEOUT;
 use crate::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, MeasurementDatagram, SessionState,
 };
-use crate::host::command_mode_exit::CommandModeExit;
-use crate::host::device_session::DeviceSession;
-use crate::host::reason;
 use crate::sim::lwr::krc::Krc;
 use crate::sim::lwr::settings::Settings as KrcSettings;
+use rcc_driver_kit::host::command_mode_exit::CommandModeExit;
+use rcc_driver_kit::host::device_session::DeviceSession;
+use rcc_driver_kit::host::reason;
 
 const MS: u64 = 1_000_000;
 const DELAY: usize = 10;

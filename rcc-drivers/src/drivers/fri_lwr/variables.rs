@@ -5,8 +5,8 @@ use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::primitive::ChannelKind;
 use serde_json::Value;
 
-use crate::driver::{DriverError, channel_error, channels, to_raw};
 use crate::fri_lwr::wire::{JOINTS, MeasurementDatagram};
+use rcc_driver_kit::driver::{DriverError, channel_error, channels, to_raw};
 
 /// Rows of the Jacobian in our order and their places on the wire, where KUKA sends X Y Z Rz Ry Rx.
 const JACOBIAN_ROWS: [(&str, usize); 6] = [

@@ -12,10 +12,11 @@ use rcc_core::primitive::ChannelKind::{
 use serde_json::json;
 
 use super::{IdealArm, REASONS, RELEASED};
-use crate::conformance::capture::Capture;
-use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device, rules};
-use crate::driver::{Driver, Exchange, Inputs, Outputs};
-use crate::host::reason::Reason;
+use rcc_driver_kit::conformance;
+use rcc_driver_kit::conformance::capture::Capture;
+use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device, rules};
+use rcc_driver_kit::driver::{Driver, Exchange, Inputs, Outputs};
+use rcc_driver_kit::host::reason::Reason;
 
 /// There is no other end of the wire: only the rules about the configuration apply.
 struct Nobody(UdpSocket);

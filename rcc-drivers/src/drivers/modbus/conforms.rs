@@ -12,13 +12,14 @@ use rcc_core::primitive::ChannelKind::{
 use serde_json::{Value, json};
 
 use super::{Modbus, REASONS};
-use crate::conformance::capture::Capture;
-use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device};
-use crate::driver::Inputs;
-use crate::host::reason::Reason;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::line_server::ControlClient;
+use rcc_driver_kit::conformance;
+use rcc_driver_kit::conformance::capture::Capture;
+use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device};
+use rcc_driver_kit::driver::Inputs;
+use rcc_driver_kit::host::reason::Reason;
 
 /// The server; coil 0 is looped back to discrete input 0, holding register 0 to input register 0.
 struct IoServer {

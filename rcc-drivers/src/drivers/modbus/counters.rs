@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::fault::{self, ServerFault};
 use super::settings::ServerSettings;
-use crate::driver::LinkDiagnosis;
+use rcc_driver_kit::driver::LinkDiagnosis;
 
 /// Counters of one server since the driver started, unless noted otherwise.
 #[derive(Debug, Default)]

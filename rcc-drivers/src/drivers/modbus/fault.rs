@@ -7,7 +7,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use super::frame::FrameError;
-use crate::host::reason::Reason;
+use rcc_driver_kit::host::reason::Reason;
 
 /// The server cannot be reached.
 pub const UNREACHABLE: u32 = 100;

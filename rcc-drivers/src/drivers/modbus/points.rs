@@ -8,7 +8,7 @@ use rcc_core::primitive::ChannelKind;
 use super::address::{self, Address, Form, Table};
 use super::settings::ServerSettings;
 use super::value::{RegisterFormat, RegisterWords};
-use crate::driver::{DriverError, Outputs, channel_error, to_raw, to_si};
+use rcc_driver_kit::driver::{DriverError, Outputs, channel_error, to_raw, to_si};
 
 mod check;
 

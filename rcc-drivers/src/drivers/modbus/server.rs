@@ -10,7 +10,7 @@ use super::fault::ServerFault;
 use super::frame::{EncodedRequest, ModbusRequest, ReceiveBuffer};
 use super::points::{InputTarget, Points, RawOutput, ReadBlock};
 use super::settings::ServerSettings;
-use crate::driver::{Inputs, Outputs};
+use rcc_driver_kit::driver::{Inputs, Outputs};
 
 mod response;
 mod safe_values;

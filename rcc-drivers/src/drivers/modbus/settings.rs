@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::address::{self, Address, Form, Table};
 use super::value::RegisterWords;
-use crate::driver::{DriverError, Settings};
+use rcc_driver_kit::driver::{DriverError, Settings};
 
 /// Most servers per device.
 pub const SERVERS_MAX: usize = 16;

@@ -9,10 +9,10 @@ use rcc_config::OnRelease;
 use rcc_core::primitive::ChannelKind::{AnalogInput, AnalogOutput, DigitalInput, DigitalOutput};
 
 use super::*;
-use crate::conformance::{self, ChannelRow, Peer};
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::line_server::ControlClient;
+use rcc_driver_kit::conformance::{self, ChannelRow, Peer};
 
 fn rows() -> [ChannelRow<'static>; 6] {
     let safe = Some(OnRelease::Safe(0.0));

@@ -4,9 +4,9 @@
 use super::control::{ControlError, IoCommand};
 use super::options::Options;
 use super::process_image::ProcessImage;
-use crate::priority::set_realtime_priority;
 use crate::sim::control_socket::{self, ControlSocket};
 use crate::sim::line_server;
+use rcc_driver_kit::priority::set_realtime_priority;
 use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 use std::future::Future;
 use std::io;

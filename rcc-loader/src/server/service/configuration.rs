@@ -2,12 +2,13 @@
 //! changed since. Run by blocking threads of the server and by the maintenance thread.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use rcc_api::codes;
 use rcc_api::error::ApiError;
-use rcc_config::{CellConfig, ConfigChange, DeviceConfig, FileWatch};
+use rcc_config::{CellConfig, ConfigChange, DeviceConfig, DriverConfig, FileWatch};
 use rcc_core::pose::Pose;
 use rcc_protocol::announcement::EXECUTOR_LABEL;
 use rcc_protocol::configuration::changed;
@@ -230,7 +231,7 @@ fn common_configuration(ours: &CellConfig, theirs: Option<&Configuration>) -> Ce
             driver: if driver {
                 known.driver.clone()
             } else {
-                UNKNOWN.to_owned()
+                DriverConfig::Name(UNKNOWN.to_owned())
             },
             robot: known.robot.clone().filter(|_| robot),
             channels: if channels {
@@ -255,7 +256,8 @@ fn common_configuration(ours: &CellConfig, theirs: Option<&Configuration>) -> Ce
 fn unknown(name: &str) -> DeviceConfig {
     DeviceConfig {
         name: name.to_owned(),
-        driver: UNKNOWN.to_owned(),
+        driver: DriverConfig::Name(UNKNOWN.to_owned()),
+        folder: PathBuf::new(),
         robot: None,
         settings: serde_json::Value::Null,
         channels: Vec::new(),
@@ -295,15 +297,15 @@ mod tests {
             let channels = device.channels.iter().map(|channel| channel.name.as_str());
             (
                 device.name.as_str(),
-                device.driver.as_str(),
+                device.driver.to_string(),
                 channels.collect(),
             )
         });
-        let rows: Vec<(&str, &str, Vec<&str>)> = rows.collect();
+        let rows: Vec<(&str, String, Vec<&str>)> = rows.collect();
         let expected = [
-            ("new", UNKNOWN, vec![]),
-            ("two", "b", vec!["torch"]),
-            ("one", UNKNOWN, vec![]),
+            ("new", UNKNOWN.to_owned(), vec![]),
+            ("two", "b".to_owned(), vec!["torch"]),
+            ("one", UNKNOWN.to_owned(), vec![]),
         ];
         assert_eq!(rows, expected);
         assert!(common_configuration(&cell(&ours), None).devices.is_empty());

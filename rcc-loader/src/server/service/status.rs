@@ -59,7 +59,7 @@ impl Service {
             let joints = device.robot.iter().flat_map(|robot| &robot.joints);
             DeviceView {
                 name: device.name.clone(),
-                driver: device.driver.clone(),
+                driver: device.driver.to_string(),
                 state: state.name().to_owned(),
                 reason,
                 holder: row.filter(|row| row.holder != 0).map(|row| net(row.holder)),

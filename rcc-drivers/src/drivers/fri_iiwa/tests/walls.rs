@@ -8,13 +8,13 @@ use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::message::{CommandImage, DeviceState, Joints, Measurement, SetPoint};
 
 use super::*;
-use crate::host::device_session::DeviceSession;
 use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings};
 use crate::sim::arm::wall_fixture::{
     JointLoad, assert_joint_stiffness, assert_stiffness, wall_behind,
 };
 use crate::sim::iiwa::cabinet::Cabinet;
 use crate::sim::iiwa::settings::{OverlayMode, Settings as CabinetSettings};
+use rcc_driver_kit::host::device_session::DeviceSession;
 
 const MS: u64 = 1_000_000;
 /// Stiffness about the axes, N·m/rad.

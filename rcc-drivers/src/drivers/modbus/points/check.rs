@@ -6,7 +6,7 @@ use rcc_config::{ChannelConfig, DeviceConfig};
 use super::super::address::{Address, Form};
 use super::super::settings::RequestLimits;
 use super::AddressedChannel;
-use crate::driver::{DriverError, channel_error, to_raw};
+use rcc_driver_kit::driver::{DriverError, channel_error, to_raw};
 
 /// Checks that the channel's values fit into its registers, and that no other output uses them.
 pub(super) fn check_output(

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::super::points::{self, Points};
 use super::super::settings::ModbusSettings;
 use super::*;
-use crate::conformance::{self, ChannelRow};
+use rcc_driver_kit::conformance::{self, ChannelRow};
 
 mod safe_values;
 

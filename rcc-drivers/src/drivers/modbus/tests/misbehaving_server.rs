@@ -10,8 +10,8 @@ use rcc_config::{DeviceConfig, OnRelease};
 use rcc_core::primitive::ChannelKind::{AnalogOutput, DigitalInput, DigitalOutput};
 
 use super::super::Modbus;
-use crate::conformance::{self, ChannelRow};
-use crate::driver::{Driver, Inputs, LinkError, Outputs};
+use rcc_driver_kit::conformance::{self, ChannelRow};
+use rcc_driver_kit::driver::{Driver, Inputs, LinkError, Outputs};
 
 /// How the server answers; it executes at once.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,11 +3,13 @@
 
 use std::sync::Arc;
 
-use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_config::{ChannelConfig, DeviceConfig, DriverConfig};
 use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use thiserror::Error;
+
+use crate::host::reason::Reason;
 
 mod settings;
 
@@ -128,7 +130,7 @@ pub enum LinkError {
 /// Why a driver cannot work with its configuration.
 #[derive(Debug, Error)]
 pub enum DriverError {
-    /// No driver has this name.
+    /// No driver of this program has this name.
     #[error("devices.{device}.driver: unknown driver `{driver}`; available drivers: {known}")]
     UnknownDriver {
         /// Name of the device.
@@ -245,8 +247,8 @@ pub trait Driver: Send {
     fn release(&mut self);
 
     /// Returns the meaning of the reason numbers if it depends on the configuration; otherwise the driver's entry in
-    /// [`crate::drivers::DRIVERS`] applies. Called once, at the start.
-    fn reasons(&self) -> Option<&'static [crate::host::reason::Reason]> {
+    /// [`DriverEntry`] applies. Called once, at the start.
+    fn reasons(&self) -> Option<&'static [Reason]> {
         None
     }
 
@@ -255,6 +257,59 @@ pub trait Driver: Send {
     fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
         None
     }
+}
+
+/// A driver as a program offers it.
+#[derive(Debug)]
+pub struct DriverEntry {
+    /// Name in a cell's configuration.
+    pub name: &'static str,
+    /// Opens the driver, see [`Driver::open`].
+    pub open: fn(&DeviceConfig) -> Result<Box<dyn Driver>, DriverError>,
+    /// Meaning of the driver's reason numbers, which start at 100.
+    pub reasons: &'static [Reason],
+}
+
+impl DriverEntry {
+    /// Returns the entry of a driver.
+    #[must_use]
+    pub const fn new<D: Driver + 'static>(
+        name: &'static str,
+        reasons: &'static [Reason],
+    ) -> DriverEntry {
+        DriverEntry {
+            name,
+            open: boxed::<D>,
+            reasons,
+        }
+    }
+
+    /// Returns the driver that a device's configuration names: by its name, or the only one of the program that it names.
+    ///
+    /// # Errors
+    /// Returns [`DriverError::UnknownDriver`] if none of these drivers is meant.
+    pub fn find<'a>(
+        drivers: &'a [DriverEntry],
+        device: &DeviceConfig,
+    ) -> Result<&'a DriverEntry, DriverError> {
+        let found = match (&device.driver, drivers) {
+            (DriverConfig::Program(_), [only]) => Some(only),
+            (DriverConfig::Program(_), _) => None,
+            (DriverConfig::Name(name), _) => drivers.iter().find(|entry| entry.name == name),
+        };
+        found.ok_or_else(|| {
+            let names: Vec<&str> = drivers.iter().map(|entry| entry.name).collect();
+            DriverError::UnknownDriver {
+                device: device.name.clone(),
+                driver: device.driver.to_string(),
+                known: names.join(", "),
+            }
+        })
+    }
+}
+
+fn boxed<D: Driver + 'static>(device: &DeviceConfig) -> Result<Box<dyn Driver>, DriverError> {
+    D::open(device).map(|driver| Box::new(driver) as Box<dyn Driver>)
 }
 
 /// Counters of a driver's connection. They are atomics: any thread may read them at any time without blocking.
@@ -277,7 +332,7 @@ pub fn to_raw(channel: &ChannelConfig, value: f64) -> f64 {
 }
 
 /// Returns an error in the configuration of one channel.
-pub(crate) fn channel_error(
+pub fn channel_error(
     device: &DeviceConfig,
     channel: &ChannelConfig,
     cause: impl Into<String>,
@@ -292,6 +347,6 @@ pub(crate) fn channel_error(
 }
 
 /// Returns the channels of one kind, in the order of their index.
-pub(crate) fn channels(device: &DeviceConfig, kind: ChannelKind) -> Vec<&ChannelConfig> {
+pub fn channels(device: &DeviceConfig, kind: ChannelKind) -> Vec<&ChannelConfig> {
     device.channels_of(kind).collect()
 }

@@ -91,7 +91,7 @@ fn real<S: Subject>(text: &str) -> DeviceConfig {
     let device = cell
         .devices
         .into_iter()
-        .find(|device| device.driver == S::NAME);
+        .find(|device| device.driver.is(S::NAME));
     device.unwrap_or_else(|| panic!("{text} has no device with the driver {}", S::NAME))
 }
 

@@ -1,14 +1,14 @@
 //! The conformance suite of drivers: one rule, one test, generic over the driver and the other end of its wire.
-//! Test code only; `conformance!` in a driver's tests instantiates all rules, see `docs/drivers.md`.
+//! For tests, with the feature `conformance`; [`crate::conformance!`] in a driver's tests instantiates all rules, see `docs/drivers.md`.
 //!
 //! A rule runs the driver against a [`Subject`], the device's side on loopback, with a fault proxy in between. The
 //! variable `RCC_DEVICE_<DRIVER>` runs the rules that are safe against a real device; `RCC_SEED` repeats a run.
 
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rcc_config::{CellConfig, ChannelConfig, DeviceConfig, OnRelease};
+use rcc_config::{CellConfig, ChannelConfig, DeviceConfig, DriverConfig, OnRelease};
 use rcc_core::message::{ANALOG_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
@@ -102,9 +102,10 @@ pub trait Subject: Peer + Sized {
 
 /// Instantiates all rules for a driver: `conformance!(io: IoServer)` for plain I/O, `conformance!(arm: Controller)` for
 /// a device with joints.
+#[macro_export]
 macro_rules! conformance {
     (io: $subject:ty) => {
-        $crate::conformance::conformance!(tests of $subject:
+        $crate::conformance!(tests of $subject:
             opens_what_is_right,
             refuses_a_setting_that_it_does_not_have,
             refuses_each_setting_of_another_form,
@@ -136,8 +137,8 @@ macro_rules! conformance {
         );
     };
     (arm: $subject:ty) => {
-        $crate::conformance::conformance!(io: $subject);
-        $crate::conformance::conformance!(tests of $subject:
+        $crate::conformance!(io: $subject);
+        $crate::conformance!(tests of $subject:
             sends_nothing_but_hold_on_null,
             comes_to_rest_in_time_when_the_executor_vanishes,
             comes_to_rest_in_time_when_the_executor_stops_writing,
@@ -161,7 +162,6 @@ macro_rules! conformance {
         )*
     };
 }
-pub(crate) use conformance;
 
 /// A channel: name, kind, address, `on_release`, range.
 pub type ChannelRow<'a> = (
@@ -191,7 +191,8 @@ pub fn device(driver: &str, settings: serde_json::Value, rows: &[ChannelRow<'_>]
     };
     DeviceConfig {
         name: "device".to_owned(),
-        driver: driver.to_owned(),
+        driver: DriverConfig::Name(driver.to_owned()),
+        folder: PathBuf::new(),
         robot: None,
         settings,
         channels: rows.iter().enumerate().map(channel).collect(),

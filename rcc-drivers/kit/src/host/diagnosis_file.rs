@@ -140,7 +140,7 @@ impl DiagnosisFile {
         let mut writer = DiagnosisWriter {
             path: path.clone(),
             device: device.name.clone(),
-            driver: device.driver.clone(),
+            driver: device.driver.to_string(),
             since: now(),
             reasons,
             counters: Arc::clone(&counters),

@@ -9,18 +9,18 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use rcc_config::{CellConfig, DeviceConfig, OnRelease};
-use rcc_core::message::ANALOG_MAX;
-use rcc_core::primitive::ChannelKind::{
+use super::{LINE_MAX, LineIo, REASONS, crc32, parse, push, seal, unseal};
+use rcc_driver_kit::conformance;
+use rcc_driver_kit::conformance::capture::Capture;
+use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device};
+use rcc_driver_kit::driver::Driver;
+use rcc_driver_kit::host::reason::Reason;
+use rcc_driver_kit::rcc_config::{CellConfig, DeviceConfig, OnRelease};
+use rcc_driver_kit::rcc_core::message::ANALOG_MAX;
+use rcc_driver_kit::rcc_core::primitive::ChannelKind::{
     self, AnalogInput, AnalogOutput, DigitalInput, DigitalOutput,
 };
-use serde_json::json;
-
-use super::{LINE_MAX, LineIo, REASONS, crc32, parse, push, seal, unseal};
-use crate::conformance::capture::Capture;
-use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device};
-use crate::driver::Driver;
-use crate::host::reason::Reason;
+use rcc_driver_kit::serde_json::json;
 
 /// The simulated box; output 1 of each type is looped back to input 1.
 struct TextIoBox {
@@ -183,22 +183,10 @@ fn a_line_is_taken_with_its_check_only() {
 }
 
 #[test]
-fn the_configuration_in_the_docs_opens() {
-    let docs = include_str!("../../../../docs/drivers.md");
-    let block = docs
-        .split("```yaml")
-        .nth(1)
-        .and_then(|text| text.split("```").next());
-    let lines = block.expect("a configuration").lines();
-    let lines: Vec<&str> = lines
-        .map(|line| line.strip_prefix("   ").unwrap_or(line))
-        .collect();
-    let text = format!(
-        "cell: docs\nperiod: 1 ms\nstale_after: 50 ms\n{}",
-        lines.join("\n")
-    );
-    let cell = CellConfig::parse(&text, "docs", Path::new(""), &BTreeMap::new());
+fn the_cell_of_this_folder_opens() {
+    let text = include_str!("../../cell.yaml");
+    let cell = CellConfig::parse(text, "cell.yaml", Path::new(""), &BTreeMap::new());
     let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
     let opened = LineIo::open(&cell.devices[0]);
-    assert!(opened.is_ok(), "{opened:?}");
+    assert!(opened.is_ok(), "{:?}", opened.err());
 }

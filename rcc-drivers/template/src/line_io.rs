@@ -12,17 +12,16 @@ use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::ControlMode;
-use rcc_core::message::JOINTS_MAX;
-use rcc_core::primitive::ChannelKind;
-
-use crate::driver::{
+use rcc_driver_kit::driver::{
     Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
     to_raw, to_si,
 };
-use crate::host::output_release::OutputRelease;
-use crate::host::reason::Reason;
+use rcc_driver_kit::host::output_release::OutputRelease;
+use rcc_driver_kit::host::reason::Reason;
+use rcc_driver_kit::rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_driver_kit::rcc_core::impedance::ControlMode;
+use rcc_driver_kit::rcc_core::message::JOINTS_MAX;
+use rcc_driver_kit::rcc_core::primitive::ChannelKind;
 
 // 1. What can be wrong with the device, in words for users; a driver's numbers start at 100.
 
@@ -306,7 +305,7 @@ fn is_pause(error: &io::Error) -> bool {
 }
 
 fn lost(error: &io::Error) -> LinkError {
-    tracing::debug!(%error, "the socket failed");
+    rcc_driver_kit::tracing::debug!(%error, "the socket failed");
     LinkError::Lost { reason: SOCKET }
 }
 

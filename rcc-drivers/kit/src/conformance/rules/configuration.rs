@@ -201,7 +201,8 @@ pub fn refuses_a_robot_that_it_cannot_move<S: Subject>() {
 
 /// Returns the arm of the demo cell, with the times that an arm has by default: those of the demo are generous.
 pub fn some_robot() -> DeviceConfig {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/cells/demo.yaml");
     let cell = CellConfig::load_offline(&path).expect("the demo's configuration");
     let (_, device) = cell.device("lwr").expect("the demo has an lwr");
     let settings = json!({"listen": SocketAddr::from(([127, 0, 0, 1], 0)).to_string()});
