@@ -117,6 +117,11 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-process",
         ],
     ),
+    (
+        // `rcc-drivers`: the simulators' control port.
+        "rcc-ethercat",
+        &["rcc-protocol", "rcc-process", "rcc-drivers"],
+    ),
     // Message types and files of recordings, for the monitor, for `replay` and for gateways.
     ("rcc-recording", &["rcc-core"]),
     // What programs read that watch a cell, for the monitor and for gateways.
