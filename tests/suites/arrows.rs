@@ -106,7 +106,8 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
-        "rcc-drivers",
+        // What a driver in a repository of its own is made with.
+        "rcc-driver-kit",
         &[
             "rcc-core",
             "rcc-os",
@@ -116,6 +117,26 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-ipc",
             "rcc-process",
         ],
+    ),
+    // The template: it uses the kit alone.
+    ("line-io", &["rcc-driver-kit"]),
+    (
+        "rcc-drivers",
+        &[
+            "rcc-driver-kit",
+            "rcc-core",
+            "rcc-os",
+            "rcc-motion",
+            "rcc-config",
+            "rcc-protocol",
+            "rcc-ipc",
+            "rcc-process",
+        ],
+    ),
+    (
+        // `rcc-drivers`: the simulators' control port.
+        "rcc-ethercat",
+        &["rcc-protocol", "rcc-process", "rcc-driver-kit", "rcc-drivers"],
     ),
     // Message types and files of recordings, for the monitor, for `replay` and for gateways.
     ("rcc-recording", &["rcc-core"]),

@@ -1,0 +1,148 @@
+//! The line: SubDevices one behind the other, the cables between them, and what a frame finds on its way.
+//! Run by the thread of the socket; the control port's threads change it between frames.
+
+use std::time::Duration;
+
+use super::frame::{self, Access, Addressing, Datagram, FrameError};
+use super::model::Model;
+use super::sub_device::SubDevice;
+
+/// Data link status with neighbours on both sides: link and communication at ports 0 and 1.
+const LINK_BOTH: u16 = 0x5a31;
+/// Data link status at the end of the line: port 1 is closed.
+const LINK_END: u16 = 0x5611;
+
+/// A SubDevice and its power supply.
+#[derive(Clone, Debug)]
+pub struct Station {
+    /// The SubDevice.
+    pub device: SubDevice,
+    /// It has power; frames turn back in front of one that has none.
+    pub powered: bool,
+}
+
+/// The line.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// All SubDevices, in order.
+    pub stations: Vec<Station>,
+    /// Position, from 0, in front of which the cable is pulled.
+    pub pulled: Option<usize>,
+    /// Number of further frames that get no answer.
+    pub drop: u64,
+    /// Number of answered frames.
+    pub frames: u64,
+}
+
+impl Line {
+    /// Returns a line after power-on; serial numbers are the positions, from 1.
+    #[must_use]
+    pub fn new(models: &[&'static Model]) -> Line {
+        let stations = (1..).zip(models).map(|(serial, model)| Station {
+            device: SubDevice::new(model, serial),
+            powered: true,
+        });
+        let mut line = Line {
+            stations: stations.collect(),
+            pulled: None,
+            drop: 0,
+            frames: 0,
+        };
+        line.connect();
+        line
+    }
+
+    /// Returns the number of SubDevices that frames reach.
+    #[must_use]
+    pub fn reach(&self) -> usize {
+        let powered = self.stations.iter().take_while(|one| one.powered).count();
+        self.pulled.map_or(powered, |pulled| pulled.min(powered))
+    }
+
+    /// Updates the link status of all SubDevices after a change of cables or power.
+    pub fn connect(&mut self) {
+        let reach = self.reach();
+        let whole = self.stations.len();
+        for (position, station) in (1..).zip(&mut self.stations) {
+            let end = position == reach || position == whole;
+            station
+                .device
+                .set_link(if end { LINK_END } else { LINK_BOTH });
+        }
+    }
+
+    /// Lets the time pass for all SubDevices, also for those that no frame reaches.
+    pub fn advance(&mut self, now: Duration) {
+        for station in self.stations.iter_mut().filter(|one| one.powered) {
+            station.device.advance(now);
+        }
+    }
+
+    /// Returns when the next watchdog expires.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Duration> {
+        let powered = self.stations.iter().filter(|one| one.powered);
+        powered.filter_map(|one| one.device.deadline()).min()
+    }
+
+    /// Lets a frame run through the line and back. Returns false if it does not come back.
+    ///
+    /// # Errors
+    /// Returns an error if the packet is no EtherCAT frame; it is unchanged then.
+    pub fn exchange(&mut self, packet: &mut [u8], now: Duration) -> Result<bool, FrameError> {
+        let places = frame::datagrams(packet)?;
+        self.advance(now);
+        let reach = self.reach();
+        if reach == 0 {
+            return Ok(false);
+        }
+        if self.drop > 0 {
+            self.drop -= 1;
+            return Ok(false);
+        }
+        for place in &places {
+            if let Some(mut datagram) = Datagram::at(packet, place) {
+                for station in self.stations.iter_mut().take(reach) {
+                    visit(&mut station.device, &mut datagram, now);
+                }
+            }
+        }
+        frame::mark_processed(packet);
+        self.frames += 1;
+        Ok(true)
+    }
+}
+
+/// Lets a datagram pass one SubDevice.
+fn visit(device: &mut SubDevice, datagram: &mut Datagram<'_>, now: Duration) {
+    let command = datagram.command;
+    if command.access == Access::None {
+        return;
+    }
+    let addressed = match command.addressing {
+        Addressing::Position => datagram.target() == 0,
+        Addressing::Station => datagram.target() == device.station(),
+        Addressing::Broadcast => {
+            device.access_all(datagram, now);
+            false
+        }
+        Addressing::Logical => {
+            device.access_logical(datagram, now);
+            false
+        }
+    };
+    if addressed {
+        device.access(datagram, now);
+    } else if command.access == Access::ReadMultipleWrite {
+        device.write_multiple(datagram, now);
+    }
+    if matches!(
+        command.addressing,
+        Addressing::Position | Addressing::Broadcast
+    ) {
+        datagram.pass();
+    }
+}
+
+#[cfg(test)]
+mod tests;
