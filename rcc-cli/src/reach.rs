@@ -89,6 +89,10 @@ impl Verb {
                 "signals processes and simulators of this machine",
                 "run it there: `ssh HOST rcc-cli fault …`",
             ),
+            Verb::Sim(_) => machine(
+                "asks simulators of this machine",
+                "run it there: `ssh HOST rcc-cli sim …`",
+            ),
             Verb::Doctor(_) => machine(
                 "checks this machine and the cells on it",
                 "run it there: `ssh HOST rcc-cli doctor`; `rcc-cli status`, `devices` and `events` serve the address",

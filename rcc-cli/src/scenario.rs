@@ -273,6 +273,7 @@ pub fn with_names<T>(
         net: &|_| names.net.clone(),
         names: &|_| names.clone(),
         reason: &|_, _| String::new(),
+        condition: &|_| None,
     })
 }
 

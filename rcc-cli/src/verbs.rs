@@ -38,6 +38,7 @@ pub mod run;
 pub mod schema;
 pub mod serve;
 pub mod set;
+pub mod sim;
 pub mod simulate;
 mod source;
 pub mod start;
@@ -156,6 +157,8 @@ verbs! {
         Devices = devices;
         /// Inject a fault into a simulated cell
         Fault = fault;
+        /// Show the channels of a simulated device, and set its inputs
+        Sim = sim;
         /// Create robot files from URDF
         Robot = robot;
         /// Identify the load of a wrist sensor from its readings

@@ -347,3 +347,41 @@ fn a_missing_net_is_refused_with_a_reason() {
         assert!(err.contains("file `nowhere` not found"), "{err}");
     }
 }
+
+/// Counts the entries of `primitives:` in a net that `fmt` has written.
+fn primitives_of(text: &str) -> u64 {
+    let mut lines = text
+        .lines()
+        .skip_while(|line| *line != "primitives:")
+        .skip(1);
+    let block = lines
+        .by_ref()
+        .take_while(|line| line.is_empty() || line.starts_with([' ', '#']));
+    let entry = |line: &&str| {
+        line.strip_prefix("  ")
+            .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
+    };
+    block.filter(entry).count() as u64
+}
+
+#[test]
+fn check_and_explain_count_the_primitives_of_the_text() {
+    let mut count = 0;
+    for entry in std::fs::read_dir(repository().join("configs/nets")).expect("the nets") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_none_or(|extension| extension != "yaml") {
+            continue;
+        }
+        let file = path.to_str().expect("UTF-8");
+        let expected = primitives_of(&std::fs::read_to_string(file).expect("a net"));
+        for verb in ["check", "explain"] {
+            let (code, out, err) = run(&[verb, file, "--output", "json"]);
+            assert_eq!(code, Some(0), "{verb} {file}: {err}");
+            let told: Value = serde_json::from_str(&out).expect("JSON");
+            let told = told.pointer("/files/0").unwrap_or(&told);
+            assert_eq!(told["primitives"], expected, "{verb} {file}");
+        }
+        count += 1;
+    }
+    assert!(count >= 20, "{count}");
+}

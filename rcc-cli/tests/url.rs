@@ -120,6 +120,7 @@ const REFUSED: &[&[&str]] = &[
     &["down"],
     &["costs"],
     &["fault", "lwr", "estop"],
+    &["sim", "io"],
     &["doctor", "--measure", "0"],
     &["doctor", "device", "lwr"],
     &["serve"],

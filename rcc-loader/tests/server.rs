@@ -20,7 +20,7 @@ use rcc_api::codes;
 use rcc_api::command_file::CommandFile;
 use rcc_api::messages::NameResolver;
 use rcc_core::frame::PrepareFault;
-use rcc_core::message::CommandState;
+use rcc_core::message::{CommandState, DeviceState};
 use rcc_core::path::MotionFault;
 use rcc_core::plan::Resource;
 use rcc_core::topic::Topic;
@@ -106,8 +106,18 @@ fn a_refused_plan_reports_the_executors_reason_with_names() {
     let last = command.diagnostics.last().expect("a diagnostic");
     assert_eq!(last.code, codes::NOT_PREPARED.code);
     assert!(
-        last.message.contains("the position of lwr is not known"),
+        last.message
+            .contains("the position of lwr is not known: it is offline (no driver is attached)"),
         "{last:?}"
+    );
+    // START of what is rejected gives that reason as well.
+    let refused = service
+        .operate(&without_deadline(), &id.to_string(), Operation::Start)
+        .expect_err("rejected");
+    assert_eq!(refused.code.code, codes::WRONG_STATE.code);
+    assert!(
+        refused.message.contains("(no driver is attached)"),
+        "{refused:?}"
     );
 }
 

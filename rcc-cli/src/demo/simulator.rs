@@ -57,7 +57,7 @@ impl SimulatorClient {
         self.stream.read_line(&mut line)?;
         let answer: Value = serde_json::from_str(&line).map_err(io::Error::other)?;
         match answer.get("error") {
-            Some(error) => Err(io::Error::other(format!("lwr-sim: {error}"))),
+            Some(error) => Err(io::Error::other(format!("it refuses: {error}"))),
             None => Ok(answer),
         }
     }

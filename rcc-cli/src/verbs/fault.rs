@@ -81,7 +81,7 @@ fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, FaultEff
 }
 
 /// Returns the control port of the simulator of a device.
-fn control_of(cell: &Cell, config: &CellConfig, device: &str) -> Option<PathBuf> {
+pub(super) fn control_of(cell: &Cell, config: &CellConfig, device: &str) -> Option<PathBuf> {
     let mut simulators = config.simulators.iter();
     let simulator = simulators.find(|one| one.device.as_deref() == Some(device))?;
     Some(cell.simulator_socket(&simulator.name))
@@ -92,11 +92,11 @@ fn is_simulated(config: &CellConfig, device: &str) -> bool {
     simulators.any(|one| one.device.as_deref() == Some(device))
 }
 
-fn not_simulated(what: &str) -> Failure {
+pub(super) fn not_simulated(what: &str) -> Failure {
     Failure::new(
         codes::NOT_PERMITTED,
         format!(
-            "{what} is not simulated in this cell: faults are injected into simulated devices only"
+            "{what} is not simulated in this cell: only simulated devices can be disturbed and set"
         ),
         "start a cell with simulators (`simulators:` with `device:`), for example configs/cells/demo.yaml",
     )
@@ -145,7 +145,7 @@ fn command_simulator(
     }
 }
 
-fn unknown(config: &CellConfig, target: &str) -> Failure {
+pub(super) fn unknown(config: &CellConfig, target: &str) -> Failure {
     let devices: Vec<&str> = config.devices.iter().map(|one| one.name.as_str()).collect();
     Failure::new(
         codes::BAD_REQUEST,

@@ -33,7 +33,7 @@ pub struct Compiled {
     pub topics: Vec<String>,
     /// True if the net has a `Cancel` primitive.
     pub can_cancel: bool,
-    /// Number of primitives with a kernel.
+    /// Number of primitives as the text has them: a formula or an instance of a fragment counts once.
     pub primitives: u32,
 }
 
@@ -86,7 +86,7 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
         plan: compiled.plan,
         uses,
         can_cancel: checked.can_cancel,
-        primitives: checked.primitives,
+        primitives: compiled.primitives,
     })
 }
 

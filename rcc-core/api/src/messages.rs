@@ -36,6 +36,8 @@ pub struct NameResolver<'a> {
     pub disagreement: &'a dyn Fn(&str) -> Option<ProcessMismatch>,
     /// Returns a driver's explanation of a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
+    /// Returns the current state of a device and its reason, empty if there is none; `None` without an executor.
+    pub condition: &'a dyn Fn(&str) -> Option<(DeviceState, String)>,
 }
 
 /// The loader has already checked the value, so the names beside the net do not explain this refusal.
@@ -355,16 +357,17 @@ impl NameResolver<'_> {
                 why.remedy(),
             );
         }
-        let explanation = (self.reason)(&name, reason);
-        let because = if explanation.is_empty() {
-            String::new()
-        } else {
-            format!(" ({explanation})")
-        };
+        let mut explanation = (self.reason)(&name, reason);
+        if explanation.is_empty() {
+            // The executor's refusal has no number for a driver that is gone or silent.
+            let current = (self.condition)(&name).filter(|(current, _)| *current == state);
+            explanation = current.map_or_else(String::new, |(_, reason)| reason);
+        }
+        let because = because(&explanation);
         let help = match state {
-            DeviceState::Offline => format!(
-                "check that its driver is running and the device is switched on: `rcc-cli devices` shows {name}"
-            ),
+            DeviceState::Offline => {
+                format!("find the cause with `rcc-cli doctor device {name}`, then start again")
+            }
             DeviceState::Online => {
                 format!("make {name} ready at its own controller, then start again")
             }
@@ -416,11 +419,16 @@ impl NameResolver<'_> {
         let (message, help) = match fault {
             PrepareFault::HoldUnknown { device } => {
                 let name = self.device_name(device);
+                let state = match (self.condition)(&name) {
+                    Some((state, reason)) if state != DeviceState::Ready => {
+                        format!(": it is {}{}", state.name(), because(&reason))
+                    }
+                    // It became ready meanwhile, or there is no device at all, as in a simulation.
+                    _ => String::new(),
+                };
                 (
-                    format!("the position of {name} is not known"),
-                    format!(
-                        "start its driver and switch the device on, then load again: `rcc-cli devices` shows {name}"
-                    ),
+                    format!("the position of {name} is not known{state}"),
+                    format!("find the cause with `rcc-cli doctor device {name}`, then load again"),
                 )
             }
             PrepareFault::NoArm { device } => (
@@ -442,6 +450,14 @@ impl NameResolver<'_> {
             format!("{net} is rejected: {message}"),
             help,
         )
+    }
+}
+
+/// Returns the reason of a device's state in parentheses; empty without a reason.
+fn because(reason: &str) -> String {
+    match reason {
+        "" => String::new(),
+        _ => format!(" ({reason})"),
     }
 }
 

@@ -56,6 +56,8 @@ pub struct Compiled {
     pub names: Names,
     /// Warnings.
     pub warnings: Faults,
+    /// Number of entries of `primitives:` in the text: a formula or an instance of a fragment counts once.
+    pub primitives: u32,
 }
 
 /// Diagnostics so far, and the texts and words that they quote.
@@ -88,6 +90,8 @@ impl<'a> Compiler<'a> {
         inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
     ) -> Option<(Compiled, T)> {
         let mut net = parse(text, file, self.cell, self.notations, diagnostics)?;
+        // Before formulas and fragments become primitives.
+        let primitives = u32::try_from(net.primitives.len()).unwrap_or(u32::MAX);
         let mut library = read_libraries(&net.uses, file, self.libraries, sources, diagnostics);
         leg_conditions::connect(&mut net, &mut library, diagnostics);
         *words = formula::lower(&mut net, &mut library, sources, diagnostics);
@@ -111,6 +115,7 @@ impl<'a> Compiler<'a> {
             description: expanded.net.description.clone(),
             plan: lowered.plan,
             warnings: sources.finish(std::mem::take(diagnostics)),
+            primitives,
         };
         Some((compiled, seen))
     }

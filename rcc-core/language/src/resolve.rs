@@ -178,8 +178,10 @@ impl<'a> Resolver<'a, '_> {
     }
 
     fn parameters(&mut self, primitive: &'a Primitive, spec: &Spec) -> Vec<Option<&'a Literal>> {
+        let mut has_unknown = false;
         for (key, _) in &primitive.parameters {
             if !spec.parameters.iter().any(|known| known.name == key.name) {
+                has_unknown = true;
                 let names = spec.parameters.iter().map(|parameter| parameter.name);
                 let is_input = spec.input(&key.name).is_some();
                 let help = match (spec.role, key.name.as_str()) {
@@ -201,7 +203,8 @@ impl<'a> Resolver<'a, '_> {
                 .iter()
                 .find(|(key, _)| key.name == parameter.name);
             let given = given.map(|(_, literal)| literal);
-            if given.is_none() && parameter.default.is_none() {
+            // What is missing may stand there under the unknown name.
+            if given.is_none() && parameter.default.is_none() && !has_unknown {
                 self.missing_parameter(primitive, parameter);
             }
             found.push(given.filter(|literal| !literal.is_refused()));

@@ -15,7 +15,7 @@ use rcc_ipc::events::EventRecorder;
 use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_process::Helpers;
-use rcc_protocol::control::{Answer, Call};
+use rcc_protocol::control::{Answer, Call, Refusal};
 use rcc_protocol::ending::{ending, why_at_once};
 use rcc_protocol::events::{EventKind, hex_digits};
 use rcc_protocol::{Announcement, Configuration};
@@ -358,11 +358,28 @@ impl Service {
                 }
                 Ok(Done { id, net, cycle })
             }
-            Answer::Refused(refusal) => {
-                Err(self.with_names(Some(&store), |names| names.refusal(id, refusal)))
-            }
+            Answer::Refused(refusal) => Err(self.refused(&store, id, refusal)),
             _ => Err(unexpected()),
         }
+    }
+
+    /// Returns the error for a refused operation; that of a rejected command has the reason of the rejection.
+    pub(super) fn refused(&self, store: &CommandStore, id: u64, refusal: Refusal) -> ApiError {
+        let mut error = self.with_names(Some(store), |names| names.refusal(id, refusal));
+        let rejected = CommandState::Rejected as u32;
+        if !matches!(refusal, Refusal::WrongState { state } if state == rejected) {
+            return error;
+        }
+        let summary = self.summary(store, id).unwrap_or_default();
+        let mut findings = summary.diagnostics.iter();
+        if let Some(cause) = findings.find(|finding| finding.severity == "error") {
+            // A rejection by the executor names the command itself.
+            error.message = match cause.message.starts_with(&error.message) {
+                true => cause.message.clone(),
+                false => format!("{}: {}", error.message, cause.message),
+            };
+        }
+        error
     }
 
     /// Resolves `7`, `line` or `line#7` to a command. If several commands have the name, it is the newest one in a
@@ -491,12 +508,14 @@ impl Service {
         };
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
         let disagreement = |device: &str| self.disagreement(device);
+        let condition = |device: &str| self.condition(device);
         what(&NameResolver {
             config: &self.naming_config(),
             disagreement: &disagreement,
             net: &net,
             names: &names,
             reason: &reason,
+            condition: &condition,
         })
     }
 }

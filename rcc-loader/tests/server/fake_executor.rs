@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use bytemuck::Zeroable;
+use rcc_core::frame::PrepareFault;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
 use rcc_ipc::{Announced, BoardWriter, Cell, Server, Session};
@@ -104,8 +105,15 @@ impl FakeExecutor {
             .expect("announce");
         let mut tables = Box::new(Tables::zeroed());
         tables.magic = MAGIC;
-        tables.devices[0].state = DeviceState::Ready as u32;
-        tables.devices[0].attached = 1;
+        // The position of a device without a driver is not known.
+        let unknown = matches!(
+            refuse,
+            Some(Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 }))
+        );
+        if !unknown {
+            tables.devices[0].state = DeviceState::Ready as u32;
+            tables.devices[0].attached = 1;
+        }
         for (row, (id, state)) in tables.commands.iter_mut().zip(rows) {
             (row.id, row.state) = (*id, *state as u32);
         }
@@ -234,7 +242,12 @@ impl State {
                 }
             }
             Call::Reject { id } => self.set(id, CommandState::Rejected),
-            Call::Start { id } => self.set(id, CommandState::Running),
+            Call::Start { id } => match self.row(id).map(|row| row.state) {
+                Some(state) if state == CommandState::Rejected as u32 => {
+                    Answer::Refused(Refusal::WrongState { state })
+                }
+                _ => self.set(id, CommandState::Running),
+            },
             Call::Switch { stop, start } => {
                 for id in stop {
                     self.set(id, CommandState::Terminated);

@@ -40,6 +40,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         net: &|id| format!("net#{id}"),
         names: &names_with_topic,
         reason: &|_, reason| format!("because {reason}"),
+        condition: &|_| None,
     };
     let device = |violation| Refusal::FirstSetPoint {
         device: 0,
@@ -165,4 +166,40 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         first.contains(&format!("lwr joint {joint}")) && first.contains("11.459°"),
         "{first}"
     );
+}
+
+#[test]
+fn a_device_that_is_not_ready_is_told_with_its_state_reason_and_remedy() {
+    let config = config();
+    let condition = (DeviceState::Offline, "the device sends nothing".to_owned());
+    let names = NameResolver {
+        disagreement: &|_| None,
+        config: &config,
+        net: &|id| format!("net#{id}"),
+        names: &|_| Names::default(),
+        reason: &|_, _| String::new(),
+        condition: &|_| Some(condition.clone()),
+    };
+    let rejected = names.refusal(8, Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 }));
+    assert_eq!(
+        rejected.message,
+        "net#8 is rejected: the position of lwr is not known: it is offline (the device sends nothing)"
+    );
+    let (device, state, reason) = (0, DeviceState::Offline as u32, 0);
+    let refused = names.refusal(
+        8,
+        Refusal::DeviceNotReady {
+            device,
+            state,
+            reason,
+        },
+    );
+    assert_eq!(
+        refused.message,
+        "net#8 needs lwr, which is offline (the device sends nothing)"
+    );
+    for error in [rejected, refused] {
+        let help = error.help;
+        assert!(help.contains("`rcc-cli doctor device lwr`"), "{help}");
+    }
 }

@@ -14,8 +14,10 @@ use crate::verbs::source::ResolvedNet;
 pub struct Explanation {
     /// Name of the net.
     pub net: String,
-    /// Number of evaluated primitives.
+    /// Number of primitives as the text has them: a formula or an instance of a fragment counts once.
     pub primitives: u32,
+    /// Number of primitives that are evaluated: formulas and fragments are expanded, monitors are not evaluated.
+    pub evaluated: u64,
     /// Expected time of one evaluation, ns.
     pub expected_ns: u64,
     /// Period of the cell, ns.
@@ -192,15 +194,18 @@ impl Explanation {
             count: share.count,
             all_ns: share.ns,
         });
+        let types: Vec<TypeShare> = types.collect();
+        let evaluated = types.iter().map(|share| share.count).sum();
         let order = steps(found, costs);
         Explanation {
             net: structure.net.clone(),
-            primitives: structure.order.len() as u32,
+            primitives: found.compiled.primitives,
+            evaluated,
             expected_ns: costs.expected_ns(&plan),
             period_ns: found.config.period_ns,
             every: plan.rate.every,
             costs: origin,
-            types: types.collect(),
+            types,
             runs: plan.runs.len(),
             memory: memory(found),
             regions: regions(structure, &order),

@@ -58,9 +58,10 @@ fn head(it: &Explanation) -> String {
         every => format!("every {every} cycles"),
     };
     format!(
-        "{}: {}, expected to take {} {every}, {} of the period of {}\ncosts {}\n{}",
+        "{}: {} ({} evaluated), expected to take {} {every}, {} of the period of {}\ncosts {}\n{}",
         it.net,
         counted(u64::from(it.primitives), "primitive"),
+        grouped(it.evaluated),
         time(it.expected_ns),
         percent(it.expected_ns as f64, it.period_ns),
         time(it.period_ns),
@@ -251,6 +252,7 @@ mod tests {
         Explanation {
             net: "line".into(),
             primitives: steps as u32,
+            evaluated: steps as u64 + 2,
             expected_ns: 2_000,
             period_ns: 1_000_000,
             every: 1,
@@ -310,7 +312,7 @@ mod tests {
     fn a_small_net_is_shown_in_full() {
         let text = human(&explanation(3), TableSelection::default());
         for part in [
-            "line: 3 primitives, expected to take 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
+            "line: 3 primitives (5 evaluated), expected to take 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
             "LinearMotion  2      750.0 ns  1500.0 ns  75.0 %",
             "1      0    p1         Add (Real)  1.5 ns  out Real m  `lwr` is lost: ft",
             "critical path: 3 primitives, 3.0 ns: p0 → p1 → p2",

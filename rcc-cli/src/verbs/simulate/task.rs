@@ -118,6 +118,7 @@ impl NamedTask {
             net: &|id| self.0.title(id),
             names: &|id| self.0.names(id),
             reason: &|_, _| String::new(),
+            condition: &|_| None,
         })
     }
 

@@ -27,8 +27,8 @@ pub fn inputs_are_connected(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     }
 }
 
-/// Returns all outputs that an input, a condition or something refused reads.
-fn read(net: Typed<'_>) -> BTreeSet<OutputId> {
+/// Returns all outputs that an input or a condition reads.
+fn linked(net: Typed<'_>) -> BTreeSet<OutputId> {
     let links = net.graph.items.iter().flat_map(|item| item.links());
     let links = links.map(|(_, link)| link);
     let regions = net.graph.regions.iter();
@@ -36,9 +36,14 @@ fn read(net: Typed<'_>) -> BTreeSet<OutputId> {
         InputSource::Link(link) => Some(link),
         _ => None,
     });
-    let read = links.chain(conditions).map(|link| link.from);
-    read.chain(net.graph.counted_as_read.iter().copied())
-        .collect()
+    links.chain(conditions).map(|link| link.from).collect()
+}
+
+/// Returns all outputs that an input, a condition or something refused reads.
+fn read(net: Typed<'_>) -> BTreeSet<OutputId> {
+    let mut read = linked(net);
+    read.extend(net.graph.counted_as_read.iter().copied());
+    read
 }
 
 /// Returns all outputs that are read or listed in `discard`.
@@ -50,6 +55,11 @@ pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
 /// Requires that one output of each primitive is read, or that all are listed in `discard`: a primitive of which nothing
 /// is read does nothing. Outputs that its spec marks as diagnostic need not be listed.
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    // An input that is not connected, which is reported, may be where an output should be read.
+    let mut inputs = net.graph.items.iter().flat_map(|item| &item.inputs);
+    if inputs.any(|source| matches!(source, InputSource::Missing)) {
+        return;
+    }
     let (read, used) = (read(net), read_or_discarded(net));
     let in_use: BTreeSet<usize> = read.iter().map(|output| output.item).collect();
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -85,7 +95,8 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagn
 
 /// Requires that a discarded output is not read, and is listed once.
 pub fn discards_are_unread_and_unique(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let read = read(net);
+    // A refused link may mean any output of its primitive, and is reported itself.
+    let read = linked(net);
     let mut seen = BTreeSet::new();
     for (output, span) in &net.graph.discarded {
         let name = net.graph.output_name(*output);

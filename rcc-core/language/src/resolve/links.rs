@@ -27,8 +27,10 @@ impl<'a> Resolver<'a, '_> {
         primitive: &'a Primitive,
         spec: &'static Spec,
     ) -> Vec<InputSource<'a>> {
+        let mut has_unknown = false;
         for (key, _) in &primitive.inputs {
             if spec.input(&key.name).is_none() {
+                has_unknown = true;
                 let names = spec.inputs.iter().map(|port| port.name);
                 let is_parameter = spec.parameters.iter().any(|known| known.name == key.name);
                 let help = self.suggestions.word(
@@ -51,9 +53,12 @@ impl<'a> Resolver<'a, '_> {
                     self.resolve_outcomes(outcomes, port, spec.role)
                 }
                 Some((_, source)) => self.resolve_source(source, port),
-                None => port
-                    .default
-                    .map_or(InputSource::Missing, InputSource::Default),
+                None => match port.default {
+                    Some(default) => InputSource::Default(default),
+                    // What is missing may stand there under the unknown name.
+                    None if has_unknown => InputSource::Refused,
+                    None => InputSource::Missing,
+                },
             });
         }
         let inputs = primitive.inputs.iter();

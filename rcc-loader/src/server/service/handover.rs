@@ -39,8 +39,7 @@ impl Service {
             start: start.clone(),
         };
         let refused = |id, refusal| {
-            let mut error: ApiError =
-                self.with_names(Some(&store), |names| names.refusal(id, refusal));
+            let mut error = self.refused(&store, id, refusal);
             error
                 .message
                 .push_str("; no command was stopped or started");

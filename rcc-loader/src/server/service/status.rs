@@ -23,6 +23,9 @@ use crate::server::store::CommandStore;
 /// Bits of `CycleStatus::grants`, and what they grant.
 const GRANTS: [(u32, &str); 3] = [(1, "SCHED_FIFO"), (2, "memory locked"), (4, "own core")];
 
+/// Reason of a device whose driver does not run, or is not yet known to the executor.
+const NO_DRIVER: &str = "no driver is attached";
+
 impl Service {
     /// Returns the devices of the cell, in the order of its configuration.
     ///
@@ -50,8 +53,7 @@ impl Service {
                 _ if disagreement.is_some() => disagreement
                     .map(|why| disagreement_sentence("its driver is not attached: it", &why))
                     .unwrap_or_default(),
-                Some(row) if row.attached == 1 => self.reason_words(&device.name, row.reason),
-                _ => "no driver is attached".to_owned(),
+                row => self.reason_of_state(&device.name, row),
             };
             let driver = drivers
                 .iter()
@@ -78,6 +80,33 @@ impl Service {
             .zip(rows)
             .map(view)
             .collect())
+    }
+
+    /// Returns the current state of a device and its reason, empty if there is none; `None` without an executor or
+    /// without such a device.
+    pub(super) fn condition(&self, device: &str) -> Option<(DeviceState, String)> {
+        let (attached, _) = self.executor.attach().ok()?;
+        let (index, _) = self.naming_config().device(device)?;
+        let tables = attached.tables();
+        let row = tables.devices.get(index)?;
+        let state = DeviceState::from_number(row.state);
+        Some((state, self.reason_of_state(device, Some(row))))
+    }
+
+    /// Returns why a device is in its state; empty if there is nothing to say.
+    fn reason_of_state(&self, device: &str, row: Option<&DeviceEntry>) -> String {
+        match row {
+            Some(row) if row.attached != 1 => NO_DRIVER.to_owned(),
+            None => NO_DRIVER.to_owned(),
+            // A driver that runs gives a reason for `offline`.
+            Some(row)
+                if row.reason == 0
+                    && DeviceState::from_number(row.state) == DeviceState::Offline =>
+            {
+                "its driver is attached and does not respond".to_owned()
+            }
+            Some(row) => self.reason_words(device, row.reason),
+        }
     }
 
     /// Returns the executor's health and all processes.
