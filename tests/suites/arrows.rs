@@ -136,7 +136,12 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         // `rcc-drivers`: the simulators' control port.
         "rcc-ethercat",
-        &["rcc-protocol", "rcc-process", "rcc-driver-kit", "rcc-drivers"],
+        &[
+            "rcc-protocol",
+            "rcc-process",
+            "rcc-driver-kit",
+            "rcc-drivers",
+        ],
     ),
     // Message types and files of recordings, for the monitor, for `replay` and for gateways.
     ("rcc-recording", &["rcc-core"]),

@@ -81,7 +81,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         .map(|channel| SimulatedChannel {
             name: channel.name.clone(),
             kind: kind_name(channel.kind),
-            value: wire::read(&device.driver, channel, &state),
+            value: wire::read(&device.driver.to_string(), channel, &state),
             unit: match is_digital(channel) {
                 true => String::new(),
                 false => channel.unit.to_string(),
@@ -145,7 +145,7 @@ fn command(device: &DeviceConfig, pair: &str) -> Result<Value, Failure> {
         let message = format!("`{}`: `{}` is not {wanted}", channel.name, text.trim());
         refused(message, usage.clone())
     })?;
-    wire::write(&device.driver, channel, value)
+    wire::write(&device.driver.to_string(), channel, value)
         .map_err(|why| refused(format!("`{}`: {why}", channel.name), inputs()))
 }
 
@@ -224,7 +224,7 @@ mod tests {
         });
         let value = |name: &str| {
             let channel = io.channels.iter().find(|one| one.name == name);
-            wire::read(&io.driver, channel.expect("there"), &state)
+            wire::read(&io.driver.to_string(), channel.expect("there"), &state)
         };
         assert_eq!(value("lamp"), json!(true));
         assert_eq!(value("belt_speed"), json!(0.25));

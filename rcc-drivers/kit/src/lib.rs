@@ -44,5 +44,5 @@ use host::reason::Reason;
 /// `reasons` are the driver's reason numbers, from 100.
 #[must_use]
 pub fn program<D: Driver + 'static>(name: &'static str, reasons: &'static [Reason]) -> ExitCode {
-    program::main(&[DriverEntry::new::<D>(name, reasons)])
+    program::main(name, &[DriverEntry::new::<D>(name, reasons)])
 }

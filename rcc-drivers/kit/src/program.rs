@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_ipc::Cell;
 use rcc_process::{CellArguments, ExitError, Notifier, Stop, exit, helpers};
@@ -47,11 +47,14 @@ pub struct Arguments {
     listen: Option<u64>,
 }
 
-/// Is the whole program: reads its arguments, and hosts the driver that the configuration of the device names.
+/// Is the whole program `name`: reads its arguments, and hosts the driver that the configuration of the device names.
 #[must_use]
-pub fn main(drivers: &[DriverEntry]) -> ExitCode {
-    let Options { driver } = Options::parse();
-    run(&driver, drivers)
+pub fn main(name: &'static str, drivers: &[DriverEntry]) -> ExitCode {
+    let matches = Options::command().name(name).get_matches();
+    match Options::from_arg_matches(&matches) {
+        Ok(Options { driver }) => run(&driver, drivers),
+        Err(error) => error.exit(),
+    }
 }
 
 /// Hosts one of these drivers until the program is asked to stop; for programs with arguments of their own.

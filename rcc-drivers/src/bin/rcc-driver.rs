@@ -5,5 +5,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    rcc_driver_kit::program::main(rcc_drivers::drivers::DRIVERS)
+    rcc_driver_kit::program::main("rcc-driver", rcc_drivers::drivers::DRIVERS)
 }
