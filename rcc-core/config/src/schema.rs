@@ -235,7 +235,7 @@ fn device() -> Value {
         "A device.",
         &["driver"],
         json!({
-            "driver": {"anyOf": [named("Driver: `fri-lwr`, `modbus`, `ideal-arm`, …", DEVICE_NAME), driver_program()]},
+            "driver": {"anyOf": [driver_program(), named("Driver: `fri-lwr`, `modbus`, `ideal-arm`, …", DEVICE_NAME)]},
             "robot": text("File of the robot, relative to this file."),
             "settings": {"description": "Settings of the driver; docs/drivers.md lists them.", "type": "object"},
             "channels": by_name(ID, "Channels by name.", channel()),

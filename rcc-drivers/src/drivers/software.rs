@@ -123,7 +123,11 @@ impl Driver for Software {
         self.refused = self.program.refused();
         let reason = match self.program.state() {
             ProgramState::Running => match &self.newest {
-                None => return Err(LinkError::Lost { reason: STARTING }),
+                None => {
+                    // The host sends nothing to a lost device, and the program only answers: it is asked without outputs.
+                    self.program.offer(|| self.frame(&Outputs::NONE));
+                    return Err(LinkError::Lost { reason: STARTING });
+                }
                 Some(values) if values.age() > self.timeout => LATE,
                 Some(_) => 0,
             },

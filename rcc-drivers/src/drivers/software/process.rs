@@ -8,7 +8,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -107,14 +107,12 @@ impl Program {
 
     /// Sends a frame if the last one has been answered; otherwise the program is late.
     pub fn offer(&self, frame: impl FnOnce() -> Frame) {
-        if self.shared.asked.load(Ordering::Acquire) {
+        // Before the frame leaves: its answer may come at once.
+        if self.shared.asked.swap(true, Ordering::AcqRel) {
             self.shared.late.fetch_add(1, Ordering::Relaxed);
-            return;
-        }
-        if let Some(frames) = &self.frames
-            && !matches!(frames.try_send(frame()), Err(TrySendError::Full(_)))
-        {
-            self.shared.asked.store(true, Ordering::Release);
+        } else if let Some(frames) = &self.frames {
+            // Full: a frame is on its way, and will be answered; disconnected: the program is not started any more.
+            let _ = frames.try_send(frame());
         }
     }
 

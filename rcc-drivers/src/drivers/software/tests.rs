@@ -70,7 +70,6 @@ fn until(
         if wanted(&result, &inputs) {
             return inputs;
         }
-        // The host writes nothing while the device is lost: the program speaks first.
         last = Some(result);
     }
     panic!("not within {PATIENCE:?}: {last:?}");
