@@ -11,8 +11,10 @@ use thiserror::Error;
 
 use crate::host::reason::Reason;
 
+mod period;
 mod settings;
 
+pub use period::PeriodTimer;
 pub use settings::Settings;
 
 /// Measured values of one exchange, in SI units.

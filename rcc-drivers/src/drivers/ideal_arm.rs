@@ -5,7 +5,7 @@
 //! guard, start conditions and stops, without hardware or a simulator of its wire. Outputs are looped back to the
 //! inputs of the same address. The arm has neither mass nor contact: torques and forces are 0.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::impedance::ControlMode;
@@ -13,8 +13,8 @@ use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
 use rcc_driver_kit::driver::{
-    Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
-    to_raw, to_si,
+    Driver, DriverError, Exchange, Inputs, LinkError, Outputs, PeriodTimer, Settings,
+    channel_error, channels, to_raw, to_si,
 };
 use rcc_driver_kit::host::reason::Reason;
 
@@ -30,9 +30,7 @@ pub const REASONS: &[Reason] = &[(
 /// The driver and the state of its arm.
 #[derive(Debug)]
 pub struct IdealArm {
-    period: Duration,
-    /// Start of the next period.
-    next: Instant,
+    timer: PeriodTimer,
     position: Joints,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
     points: [Vec<IdealChannel>; 4],
@@ -67,8 +65,7 @@ impl Driver for IdealArm {
         )?;
         settings.finish()?;
         Ok(Self {
-            period,
-            next: Instant::now(),
+            timer: PeriodTimer::new(period),
             position,
             points: [
                 points(device, ChannelKind::DigitalInput)?,
@@ -83,12 +80,7 @@ impl Driver for IdealArm {
     }
 
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
-        let left = self.next.saturating_duration_since(Instant::now());
-        std::thread::sleep(left.min(timeout));
-        if left > timeout {
-            return Err(LinkError::Silent);
-        }
-        let ticks = self.schedule();
+        let ticks = self.timer.wait(timeout)?;
         *inputs = self.inputs();
         Ok(Exchange {
             strategy: ControlMode::Position,
@@ -96,7 +88,7 @@ impl Driver for IdealArm {
             startable: !self.released,
             mirror: self.position,
             ticks,
-            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
+            period_ns: self.timer.period_ns(),
             quality_permille: 1000,
             reason: if self.released { RELEASED } else { 0 },
             late: 0,
@@ -132,15 +124,6 @@ impl Driver for IdealArm {
 }
 
 impl IdealArm {
-    /// Schedules the next period; returns the number of periods since the last one.
-    fn schedule(&mut self) -> u64 {
-        let behind = Instant::now().saturating_duration_since(self.next);
-        let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
-        let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
-        self.next += self.period.saturating_mul(skipped + 1);
-        u64::from(skipped) + 1
-    }
-
     fn inputs(&self) -> Inputs {
         let mut inputs = Inputs {
             position: self.position,

@@ -4,15 +4,15 @@
 //!
 //! The program reads lines of JSON and answers each with one: `docs/software-devices.md` has the protocol.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::impedance::ControlMode;
 use rcc_core::message::{ANALOG_MAX, JOINTS_MAX};
 use rcc_core::primitive::ChannelKind;
 use rcc_driver_kit::driver::{
-    Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
-    channel_error, channels, to_raw, to_si,
+    Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, PeriodTimer,
+    Settings, channel_error, channels, to_raw, to_si,
 };
 use rcc_driver_kit::host::reason::Reason;
 
@@ -52,10 +52,8 @@ const AGE: &str = "age";
 #[derive(Debug)]
 pub struct Software {
     program: Program,
-    period: Duration,
+    timer: PeriodTimer,
     timeout: Duration,
-    /// Start of the next period.
-    next: Instant,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
     points: [Vec<ChannelConfig>; 4],
     newest: Option<Values>,
@@ -101,9 +99,8 @@ impl Driver for Software {
         })?;
         Ok(Self {
             program,
-            period,
+            timer: PeriodTimer::new(period),
             timeout,
-            next: Instant::now(),
             points,
             newest: None,
             refused: 0,
@@ -111,12 +108,7 @@ impl Driver for Software {
     }
 
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
-        let left = self.next.saturating_duration_since(Instant::now());
-        std::thread::sleep(left.min(timeout));
-        if left > timeout {
-            return Err(LinkError::Silent);
-        }
-        let ticks = self.schedule();
+        let ticks = self.timer.wait(timeout)?;
         if let Some(values) = self.program.newest() {
             self.newest = Some(values);
         }
@@ -143,7 +135,7 @@ impl Driver for Software {
             startable: true,
             mirror: [0.0; JOINTS_MAX],
             ticks,
-            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
+            period_ns: self.timer.period_ns(),
             quality_permille: if reason == 0 { 1000 } else { 0 },
             reason,
             late: self.program.late(),
@@ -164,15 +156,6 @@ impl Driver for Software {
 }
 
 impl Software {
-    /// Schedules the next period; returns the number of periods since the last one.
-    fn schedule(&mut self) -> u64 {
-        let behind = Instant::now().saturating_duration_since(self.next);
-        let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
-        let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
-        self.next += self.period.saturating_mul(skipped + 1);
-        u64::from(skipped) + 1
-    }
-
     /// Converts the newest values; a value that the program did not give is unknown, as are all that are too old.
     fn inputs(&self, too_old: bool) -> Inputs {
         let mut inputs = Inputs::NONE;

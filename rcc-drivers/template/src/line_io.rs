@@ -13,8 +13,8 @@ use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use rcc_driver_kit::driver::{
-    Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
-    to_raw, to_si,
+    Driver, DriverError, Exchange, Inputs, LinkError, Outputs, PeriodTimer, Settings,
+    channel_error, channels, to_raw, to_si,
 };
 use rcc_driver_kit::host::output_release::OutputRelease;
 use rcc_driver_kit::host::reason::Reason;
@@ -50,12 +50,10 @@ struct LineChannel {
 #[derive(Debug)]
 pub struct LineIo {
     socket: UdpSocket,
-    period: Duration,
+    timer: PeriodTimer,
     timeout: Duration,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
     points: [Vec<LineChannel>; 4],
-    /// Start of the next cycle.
-    next: Instant,
     /// Values of the outputs without a command.
     released: Outputs,
     /// Time of the last answer; after `silence_max` without one, the driver sends the released outputs itself.
@@ -91,7 +89,7 @@ impl Driver for LineIo {
         socket.connect(address).map_err(system)?;
         Ok(Self {
             socket,
-            period,
+            timer: PeriodTimer::new(period),
             timeout,
             points: [
                 points(device, ChannelKind::DigitalInput)?,
@@ -99,7 +97,6 @@ impl Driver for LineIo {
                 points(device, ChannelKind::AnalogInput)?,
                 points(device, ChannelKind::AnalogOutput)?,
             ],
-            next: Instant::now(),
             released: *OutputRelease::new(device).values(),
             last_answer: Instant::now(),
             silence_max: Duration::from_nanos(device.command_timeout_ns).max(5 * period),
@@ -112,12 +109,7 @@ impl Driver for LineIo {
     // 4. One cycle of the device: wait for it, send the request, read the answer. No answer: `Silent`; a broken
     //   connection: `Lost`.
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
-        let left = self.next.saturating_duration_since(Instant::now());
-        std::thread::sleep(left.min(timeout));
-        if left > timeout {
-            return Err(LinkError::Silent);
-        }
-        let ticks = self.schedule();
+        let ticks = self.timer.wait(timeout)?;
         self.send_line(&format!("get {}", self.number))?;
         self.number += 1;
         let read = self.receive_answer()?;
@@ -139,7 +131,7 @@ impl Driver for LineIo {
             startable: true,
             mirror: [0.0; JOINTS_MAX],
             ticks,
-            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
+            period_ns: self.timer.period_ns(),
             quality_permille: 1000,
             reason: 0,
             late: self.late,
@@ -169,15 +161,6 @@ impl Driver for LineIo {
 }
 
 impl LineIo {
-    /// Schedules the next cycle; returns the number of periods since the last one.
-    fn schedule(&mut self) -> u64 {
-        let behind = Instant::now().saturating_duration_since(self.next);
-        let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
-        let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
-        self.next += self.period.saturating_mul(skipped + 1);
-        u64::from(skipped) + 1
-    }
-
     fn send_line(&self, line: &str) -> Result<(), LinkError> {
         match self.socket.send(seal(line).as_bytes()) {
             Ok(_) => Ok(()),
