@@ -32,7 +32,7 @@ pub struct MachineCell {
 impl MachineCell {
     /// Formats name, owner and place: `lab (user rcc (uid 998), /run/rcc/lab)`.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn describe(&self) -> String {
         let owner = match self.owner == uid() {
             true => "yours".to_owned(),
             false => person(self.owner),
@@ -124,12 +124,12 @@ fn not_found_among(name: &str, cells: &[MachineCell]) -> Failure {
     let same = cells.iter().find(|cell| cell.name == name);
     if let Some(cell) = same.filter(|cell| cell.owner != own) {
         let help = "work as that user; or give the cell `access: {group: …}` or `access: {tcp: …}` (docs/security.md), and use RCC_RUNTIME_DIR or --url";
-        let message = format!("{message}; it belongs to another user: {}", cell.words());
+        let message = format!("{message}; it belongs to another user: {}", cell.describe());
         return Failure::new(codes::NO_LOADER, message, help);
     }
     if let Some((cell, folder)) = same.and_then(|cell| Some((cell, cell.folder.as_ref()?))) {
         let base = folder.parent().unwrap_or(folder).display().to_string();
-        let message = format!("{message}; it runs elsewhere: {}", cell.words());
+        let message = format!("{message}; it runs elsewhere: {}", cell.describe());
         return Failure::new(
             codes::NO_LOADER,
             message,

@@ -66,7 +66,7 @@ impl WrittenFile {
 
     /// Formats it for people.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn describe(&self) -> String {
         format!("wrote {} ({} bytes)", self.file, grouped(self.bytes))
     }
 }

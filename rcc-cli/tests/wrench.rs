@@ -350,8 +350,8 @@ fn run(readings: &[Reading]) -> (i32, String, String) {
     let words = |bytes| String::from_utf8(bytes).expect("text");
     (
         output.status.code().expect("a code"),
-        words(output.stdout),
-        words(output.stderr),
+        output_text(output.stdout),
+        output_text(output.stderr),
     )
 }
 

@@ -47,7 +47,7 @@ pub enum Victim {
 impl Case {
     /// True if this process does not live on: it is struck, and not only for a while.
     fn ends(self, target: Target) -> bool {
-        self.victim.touches(target) && self.way != Way::Stop
+        self.victim.touches(target) && self.disturbance != Disturbance::Stop
     }
 
     /// True if the whole cell ends.
@@ -94,7 +94,7 @@ pub enum Phase {
 
 /// The signal, or the freezing of a thread, by which a case disturbs its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Disturbance {
     /// SIGKILL.
     Kill,
     /// SIGSEGV.
@@ -131,11 +131,11 @@ pub const PHASES: [(Phase, &str); 7] = [
 ];
 
 /// Ways with their names.
-pub const WAYS: [(Way, &str); 4] = [
-    (Way::Kill, "SIGKILL"),
-    (Way::Segv, "SIGSEGV"),
-    (Way::Stop, "SIGSTOP, SIGCONT"),
-    (Way::Term, "SIGTERM"),
+pub const DISTURBANCES: [(Disturbance, &str); 4] = [
+    (Disturbance::Kill, "SIGKILL"),
+    (Disturbance::Segv, "SIGSEGV"),
+    (Disturbance::Stop, "SIGSTOP, SIGCONT"),
+    (Disturbance::Term, "SIGTERM"),
 ];
 
 /// Helper threads of the executor, by name; without the real-time thread and the main thread, which only waits.
@@ -156,7 +156,7 @@ pub struct Case {
     /// Phase of the cell in which the target is disturbed.
     pub phase: Phase,
     /// Signal.
-    pub way: Way,
+    pub disturbance: Disturbance,
 }
 
 /// All cases, in the order of the tables.
@@ -165,14 +165,18 @@ pub fn cases() -> Vec<Case> {
     for (target, _) in TARGETS {
         let victim = Victim::One(target);
         for (phase, _) in PHASES {
-            all.extend(WAYS.map(|(way, _)| Case { victim, phase, way }));
+            all.extend(DISTURBANCES.map(|(disturbance, _)| Case {
+                victim,
+                phase,
+                disturbance,
+            }));
         }
     }
     all.extend(pairs());
     all.extend(HELPERS.map(|name| Case {
         victim: Victim::Helper(name),
         phase: Phase::Moving,
-        way: Way::Freeze,
+        disturbance: Disturbance::Freeze,
     }));
     all
 }
@@ -186,7 +190,7 @@ fn pairs() -> impl Iterator<Item = Case> {
     victims.map(|victim| Case {
         victim,
         phase: Phase::Moving,
-        way: Way::Kill,
+        disturbance: Disturbance::Kill,
     })
 }
 

@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use rcc_tests::endurance::{self, Options};
 use rcc_tests::journal::Journal;
-use rcc_tests::matrix::{self, Case, Outcome, Phase, Target, Victim, Way};
+use rcc_tests::matrix::{self, Case, Disturbance, Outcome, Phase, Target, Victim};
 
 #[test]
 fn a_sample_of_the_crash_matrix_holds() {
-    use {Phase::*, Target::*, Way::*};
+    use {Disturbance::*, Phase::*, Target::*};
     let sample = [
         (ArmDriver, Moving, Kill),
         (ArmDriver, Starting, Kill),
@@ -28,16 +28,16 @@ fn a_sample_of_the_crash_matrix_holds() {
         (ArmDriver, Reconfigured, Kill),
     ];
     let mut cases = sample
-        .map(|(target, phase, way)| Case {
+        .map(|(target, phase, disturbance)| Case {
             victim: Victim::One(target),
             phase,
-            way,
+            disturbance,
         })
         .to_vec();
-    let struck = |victim, way| Case {
+    let struck = |victim, disturbance| Case {
         victim,
         phase: Moving,
-        way,
+        disturbance,
     };
     cases.push(struck(Victim::Pair(Loader, Executor), Kill));
     cases.push(struck(Victim::Pair(ArmDriver, IoDriver), Kill));

@@ -15,8 +15,8 @@ use crate::firing;
 use crate::loader::{CellClient, LoaderError};
 use crate::net_text::{self, NetText, NetUse, STOP_INPUT};
 use crate::own_cell::OwnCell;
-use crate::pace::Pace;
 use crate::pushes::NetState;
+use crate::rate_limiter::RateLimiter;
 use crate::state::{GatewayNet, GatewayState, ReportedValue};
 
 /// How the gateway behaves.
@@ -41,7 +41,7 @@ pub struct Gateway {
     is_woken: AtomicBool,
     /// Read by whoever loads or starts a net; written while the cell is started again.
     gate: RwLock<()>,
-    pace: Arc<Pace>,
+    rate_limiter: Arc<RateLimiter>,
 }
 
 impl Gateway {
@@ -56,14 +56,14 @@ impl Gateway {
             changed: Condvar::new(),
             is_woken: AtomicBool::new(false),
             gate: RwLock::new(()),
-            pace: Arc::default(),
+            rate_limiter: Arc::default(),
         }
     }
 
-    /// Returns a client of the cell's loader for the thread of a connection: at the common pace of all of them.
+    /// Returns a client of the cell's loader for the thread of a connection: with the rate limit of all of them.
     #[must_use]
     pub fn paced_loader(&self) -> CellClient {
-        self.loader().at(Arc::clone(&self.pace))
+        self.loader().at(Arc::clone(&self.rate_limiter))
     }
 
     /// Returns a client of the cell's loader, for a thread of the gateway's own.

@@ -1,4 +1,4 @@
-//! The gateway's requests to the cell's loader, at a common pace. Each thread that talks to the loader has a client of its
+//! The gateway's requests to the cell's loader, with a common rate limit. Each thread that talks to the loader has a client of its
 //! own; nothing here touches the cycle.
 
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use rcc_api::codes;
 use rcc_client::{Lines, LoaderClient, RequestError, segment};
 use serde_json::{Map, Value};
 
-use crate::pace::Pace;
+use crate::rate_limiter::RateLimiter;
 
 /// Time for one answer; the loader answers every request within 10 s.
 const ANSWER_TIME_MAX: Duration = Duration::from_secs(15);
@@ -24,7 +24,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(2);
 
 /// The reason why the loader did not do what was asked, in one sentence.
 #[derive(Debug, thiserror::Error)]
-#[error("{}", words(&.0.body))]
+#[error("{}", message(&.0.body))]
 pub struct LoaderError(#[from] RequestError);
 
 impl LoaderError {
@@ -42,7 +42,7 @@ impl LoaderError {
 }
 
 /// Returns an error as one sentence with its remedy.
-fn words(body: &ErrorBody) -> String {
+fn message(body: &ErrorBody) -> String {
     match &body.help {
         Some(help) if !help.is_empty() => format!("{}: {} ({help})", body.code, body.message),
         _ => format!("{}: {}", body.code, body.message),
@@ -56,7 +56,7 @@ pub struct CellClient {
     socket: PathBuf,
     /// Made at the first request.
     client: Option<LoaderClient>,
-    pace: Option<Arc<Pace>>,
+    rate_limiter: Option<Arc<RateLimiter>>,
 }
 
 impl CellClient {
@@ -66,15 +66,15 @@ impl CellClient {
         CellClient {
             socket: socket.to_owned(),
             client: None,
-            pace: None,
+            rate_limiter: None,
         }
     }
 
-    /// Returns this client at a common pace of clients. CANCEL and ABORT do not wait for it.
+    /// Returns this client with a common rate limit. CANCEL and ABORT do not wait for it.
     #[must_use]
-    pub fn at(self, pace: Arc<Pace>) -> CellClient {
+    pub fn at(self, rate_limiter: Arc<RateLimiter>) -> CellClient {
         CellClient {
-            pace: Some(pace),
+            rate_limiter: Some(rate_limiter),
             ..self
         }
     }
@@ -208,8 +208,8 @@ impl CellClient {
 
     /// Returns the client when its turn has come.
     fn paced(&mut self) -> Result<&LoaderClient, LoaderError> {
-        if let Some(pace) = &self.pace {
-            pace.wait();
+        if let Some(rate_limiter) = &self.rate_limiter {
+            rate_limiter.wait();
         }
         self.client()
     }

@@ -73,7 +73,7 @@ pub fn prepare(
         return Err(NetTextError::TooLong(given.len()));
     }
     let (_, root) =
-        parse(given).map_err(|diagnostic| NetTextError::Syntax(words(&diagnostic, given)))?;
+        parse(given).map_err(|diagnostic| NetTextError::Syntax(message(&diagnostic, given)))?;
     let mut found = NetText::default();
     collect(&root, &mut found)?;
     let body = match purpose {
@@ -100,7 +100,7 @@ pub fn prepare(
     Ok(found)
 }
 
-fn words(diagnostic: &Diagnostic, text: &str) -> String {
+fn message(diagnostic: &Diagnostic, text: &str) -> String {
     let before = diagnostic.place.map_or(0, |place| place.start);
     let before = text.get(..before).unwrap_or_default();
     format!(

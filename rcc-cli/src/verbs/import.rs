@@ -61,11 +61,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let contents = Contents::of(&arguments.file, &arguments.show)?;
     if let Some(path) = &arguments.csv {
         contents.write_csv(&arguments.file, path)?;
-        print_note(&WrittenFile::of(path)?.words());
+        print_note(&WrittenFile::of(path)?.describe());
     }
     if let Some(path) = &arguments.plot {
         contents.plot(&arguments.file, path)?;
-        print_note(&WrittenFile::of(path)?.words());
+        print_note(&WrittenFile::of(path)?.describe());
     }
     context.print(&contents.rows, |rows| {
         let mut lines = table::table(&["TOPIC", "VALUES", "MESSAGES", "FROM", "TO"]);
@@ -89,7 +89,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 /// Fails if the file is not a recording, or if the plot cannot be written.
 pub fn plot_recording(file: &Path, out: &Path) -> Result<(), Failure> {
     Contents::of(file, &[])?.plot(file, out)?;
-    print_note(&WrittenFile::of(out)?.words());
+    print_note(&WrittenFile::of(out)?.describe());
     Ok(())
 }
 

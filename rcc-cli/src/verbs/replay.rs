@@ -153,7 +153,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     for path in [&arguments.csv, &arguments.mcap].into_iter().flatten() {
         if context.format == OutputFormat::Human {
-            print_note(&WrittenFile::of(path)?.words());
+            print_note(&WrittenFile::of(path)?.describe());
         }
     }
     print_results(context, &incident, (&results, &rules), &named)
@@ -242,7 +242,7 @@ fn print_results(
         if rows.is_empty() {
             return format!("{of}\nno net was evaluated");
         }
-        format!("{of}\n{}{}", table::text(&lines), rules::words(rules))
+        format!("{of}\n{}{}", table::text(&lines), rules::describe(rules))
     });
     match rows.iter().filter(|row| row.different > 0).count() {
         0 if !rows.is_empty() && rows.iter().all(|row| row.compared == 0) => Err(Failure::new(

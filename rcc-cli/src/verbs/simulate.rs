@@ -99,7 +99,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if context.format == OutputFormat::Human {
         print_note(&speed(&simulated, took));
         for path in [&arguments.csv, &arguments.plot].into_iter().flatten() {
-            print_note(&WrittenFile::of(path)?.words());
+            print_note(&WrittenFile::of(path)?.describe());
         }
     }
     arguments

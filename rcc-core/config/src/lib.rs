@@ -2,6 +2,7 @@
 //! at start-up and by the loader; nothing here is real-time.
 
 pub mod access;
+pub mod article;
 mod base;
 pub mod cell;
 pub mod change;
@@ -18,7 +19,6 @@ mod reader;
 pub mod recorder;
 pub mod robot;
 pub mod schema;
-pub mod words;
 mod workspace;
 pub mod yaml;
 

@@ -79,12 +79,12 @@ pub enum CleanError {
         timeout: Duration,
     },
     /// The janitor ended with an error.
-    #[error("{JANITOR} for cell `{cell}`: {words}")]
+    #[error("{JANITOR} for cell `{cell}`: {output_text}")]
     Failed {
         /// The cell.
         cell: String,
         /// Its error output.
-        words: String,
+        output_text: String,
     },
     /// This process cannot join the cell in order to clean it.
     #[error(transparent)]
@@ -301,17 +301,17 @@ fn run_within(
     }
     // The output is smaller than a pipe buffer, so the janitor never blocked on it.
     let output = child.wait_with_output().map_err(failed)?;
-    let words = |text: &[u8]| String::from_utf8_lossy(text).trim().to_owned();
+    let output_text = |text: &[u8]| String::from_utf8_lossy(text).trim().to_owned();
     if !output.status.success() {
-        let words = words(&output.stderr);
+        let output_text = output_text(&output.stderr);
         return Err(CleanError::Failed {
             cell: cell.name().to_owned(),
-            words,
+            output_text,
         });
     }
     serde_json::from_slice(&output.stdout).map_err(|_| CleanError::Failed {
         cell: cell.name().to_owned(),
-        words: format!("unexpected output: {}", words(&output.stdout)),
+        output_text: format!("unexpected output: {}", output_text(&output.stdout)),
     })
 }
 

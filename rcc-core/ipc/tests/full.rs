@@ -47,7 +47,7 @@ fn in_small_shared_memory(test: &str) {
         .output()
         .unwrap();
     let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (out, err) = (words(&output.stdout), words(&output.stderr));
+    let (out, err) = (output_text(&output.stdout), output_text(&output.stderr));
     assert!(output.status.success(), "{out}{err}");
     assert!(out.contains("1 passed"), "{out}{err}");
 }

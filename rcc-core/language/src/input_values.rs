@@ -1,8 +1,8 @@
 //! Values that a client sets: a mapping from names of `Input`s to constants of the language, checked for type, unit and
 //! range. Runs on blocking threads of the server; not real-time.
 
+use rcc_config::article::with_article;
 use rcc_config::diagnostic::{Diagnostic, Faults, Severity, closest};
-use rcc_config::words::with_article;
 use rcc_config::yaml::{self, Entry, Value};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;

@@ -47,7 +47,7 @@ impl Build {
             Some(build) if build.layout == LAYOUT => Ok(()),
             theirs => Err(BuildMismatch {
                 who: other.who(),
-                theirs: words(theirs.as_ref()),
+                theirs: describe(theirs.as_ref()),
                 own: Build::own().to_string(),
             }),
         }
@@ -62,7 +62,7 @@ impl fmt::Display for Build {
 }
 
 /// Describes a build, or the absence of an announced one.
-pub(crate) fn words(build: Option<&Build>) -> String {
+pub(crate) fn describe(build: Option<&Build>) -> String {
     build.map_or_else(
         || "an older one that does not announce it".to_owned(),
         Build::to_string,

@@ -166,7 +166,7 @@ impl ProcessMismatch {
         // Compare builds first: configurations of different builds may differ for that reason alone.
         if one.build != other.build {
             let named =
-                |process: &Announcement| (process.who(), build::words(process.build.as_ref()));
+                |process: &Announcement| (process.who(), build::describe(process.build.as_ref()));
             return Some(ProcessMismatch::Build {
                 one: named(one),
                 other: named(other),

@@ -152,7 +152,8 @@ impl Dialogue for LwrDialogue {
             self.counters.accepted(monotonic_ns(), source, measured);
             return Verdict::Accepted;
         }
-        self.counters.refused(bytes, source, self.session.doubt());
+        self.counters
+            .refused(bytes, source, self.session.implausibility());
         match MeasurementDatagram::decode_as(bytes, self.header) {
             Ok(_) => Verdict::Refused,
             Err(_) => Verdict::Unreadable,

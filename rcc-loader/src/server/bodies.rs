@@ -17,7 +17,7 @@ use rcc_api::error::ApiError;
 use rcc_api::routes::TEXT_MAX;
 
 use super::peer::ClientPeer;
-use super::shares::{Share, ShareLimits, Shares};
+use super::quota::{Quota, QuotaLimits, QuotaPermit};
 
 /// Texts longer than this are compiled one after the other, bytes. Compiling takes a hundred times the text's size in
 /// memory, which is returned afterwards; shorter texts do not wait for long ones.
@@ -25,14 +25,14 @@ pub const LONG_TEXT: usize = 256 << 10;
 /// Maximum size of any other request body, bytes.
 pub const SET_TEXT_MAX: usize = 64 << 10;
 /// Limits of all texts together that are being received, wait to be compiled, or are being compiled, bytes.
-pub const TEXTS: ShareLimits = ShareLimits {
+pub const TEXTS: QuotaLimits = QuotaLimits {
     all: 32 << 20,
     of_peer: 16 << 20,
     reserve: 8 << 20,
     small: 1 << 20,
 };
 /// Limits of all long answers together that are not yet taken by their clients, bytes.
-pub const ANSWERS: ShareLimits = ShareLimits {
+pub const ANSWERS: QuotaLimits = QuotaLimits {
     all: 64 << 20,
     of_peer: 32 << 20,
     reserve: 16 << 20,
@@ -60,7 +60,7 @@ pub fn body_max(method: &Method, route: &str) -> Option<usize> {
 /// Accounts for the memory of a text until the last clone is dropped.
 #[derive(Clone, Debug, Default)]
 pub struct TextMemory {
-    _share: Option<Arc<Share>>,
+    _share: Option<Arc<QuotaPermit>>,
 }
 
 /// Reads a body of at most `bytes_max` bytes; a long one is counted as the peer's share of `texts`.
@@ -70,7 +70,7 @@ pub struct TextMemory {
 pub async fn read(
     body: Body,
     bytes_max: usize,
-    (texts, peer): (&Arc<Shares>, ClientPeer),
+    (texts, peer): (&Arc<Quota>, ClientPeer),
 ) -> Result<(Bytes, TextMemory), ApiError> {
     if body.size_hint().lower() > bytes_max as u64 {
         return Err(too_large(bytes_max));
@@ -88,10 +88,10 @@ pub async fn read(
 async fn collect(
     mut body: Body,
     bytes_max: usize,
-    (texts, peer): (&Arc<Shares>, ClientPeer),
+    (texts, peer): (&Arc<Quota>, ClientPeer),
 ) -> Result<(Bytes, TextMemory), ApiError> {
     let mut bytes = Vec::new();
-    let mut share: Option<Share> = None;
+    let mut share: Option<QuotaPermit> = None;
     while let Some(frame) = body.frame().await {
         let frame = frame.map_err(|error| {
             let message = format!("the body is incomplete: {error}");
@@ -104,7 +104,7 @@ async fn collect(
             return Err(too_large(bytes_max));
         }
         if bytes.len() + data.len() > SHORT {
-            let more = bytes.len() + data.len() - share.as_ref().map_or(0, Share::amount);
+            let more = bytes.len() + data.len() - share.as_ref().map_or(0, QuotaPermit::amount);
             let is_free = match share.as_mut() {
                 Some(share) => share.grow(more),
                 None => {
@@ -155,7 +155,7 @@ fn too_large(bytes_max: usize) -> ApiError {
     }
 }
 
-fn no_memory(limits: ShareLimits, what: &str) -> ApiError {
+fn no_memory(limits: QuotaLimits, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!(
@@ -189,7 +189,7 @@ pub fn answer(bytes: Vec<u8>) -> Response {
 /// Returns [`codes::TOO_MANY`] if too much is in use; the answer is dropped then.
 pub fn account(
     response: Response,
-    (answers, peer): (&Arc<Shares>, ClientPeer),
+    (answers, peer): (&Arc<Quota>, ClientPeer),
 ) -> Result<Response, ApiError> {
     let Some(LongAnswer(size)) = response.extensions().get().copied() else {
         return Ok(response);
@@ -202,7 +202,7 @@ pub fn account(
 /// A body together with its share of the memory for answers.
 struct AccountedBody {
     body: Body,
-    _share: Share,
+    _share: QuotaPermit,
 }
 
 impl hyper::body::Body for AccountedBody {

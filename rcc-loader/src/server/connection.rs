@@ -35,7 +35,7 @@ use quotas::{HeadPermit, Quotas, RequestPermit};
 
 use super::peer::ClientPeer;
 use super::request_head::{self, RequestHead};
-use super::stop_steps::Arrived;
+use super::stop_steps::ArrivalTime;
 
 /// Time allowed for the head of a request, from the connection or from its first byte on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
@@ -195,7 +195,7 @@ async fn serve_request<I>(
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let arrived = Arrived(Instant::now());
+    let arrived = ArrivalTime(Instant::now());
     let admitted = match read_head(permit, &mut io, begun).await {
         Ok(Some(head)) => admit(context, peer, head),
         Ok(None) => return None,
@@ -233,7 +233,7 @@ where
 async fn exchange<I>(
     context: Arc<ListenerContext>,
     peer: ClientPeer,
-    (arrived, head, permit): (Arrived, RequestHead, RequestPermit),
+    (arrived, head, permit): (ArrivalTime, RequestHead, RequestPermit),
     io: I,
     router: Router,
 ) -> Option<(I, Vec<u8>)>

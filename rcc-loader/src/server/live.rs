@@ -13,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use hyper::body::Frame;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
-use super::shares::Share;
+use super::quota::QuotaPermit;
 
 /// Maximum number of pieces that a client has not taken.
 pub const PIECES_MAX: usize = 64;
@@ -35,20 +35,20 @@ struct Piece {
 
 /// The piece does not fit, because the client takes them too slowly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Full;
+pub struct ClientTooSlow;
 
 impl LiveSender {
     /// Sends a piece, unless the client has too many.
     ///
     /// # Errors
-    /// Returns [`Full`] if it has, and the piece is lost; nothing if it is gone.
-    pub fn send(&self, piece: String) -> Result<(), Full> {
+    /// Returns [`ClientTooSlow`] if it has, and the piece is lost; nothing if it is gone.
+    pub fn send(&self, piece: String) -> Result<(), ClientTooSlow> {
         let room = Arc::clone(&self.room)
             .try_acquire_many_owned(share(&piece))
-            .map_err(|_| Full)?;
+            .map_err(|_| ClientTooSlow)?;
         let (bytes, _room) = (piece.into(), Some(room));
         match self.pieces.try_send(Piece { bytes, _room }) {
-            Err(mpsc::error::TrySendError::Full(_)) => Err(Full),
+            Err(mpsc::error::TrySendError::Full(_)) => Err(ClientTooSlow),
             // A client that is gone is found by `is_over`.
             Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
         }
@@ -75,7 +75,7 @@ fn share(piece: &str) -> u32 {
 }
 
 /// Creates an answer of this content type, and its sender. `place` is dropped with the answer.
-pub fn answer(content_type: &'static str, place: Share) -> (LiveSender, Response) {
+pub fn answer(content_type: &'static str, place: QuotaPermit) -> (LiveSender, Response) {
     let (pieces, taken) = mpsc::channel(PIECES_MAX);
     let room = Arc::new(Semaphore::new(BYTES_MAX));
     let body = Body::new(LiveBody {
@@ -92,7 +92,7 @@ pub fn answer(content_type: &'static str, place: Share) -> (LiveSender, Response
 
 struct LiveBody {
     taken: mpsc::Receiver<Piece>,
-    _place: Share,
+    _place: QuotaPermit,
 }
 
 impl hyper::body::Body for LiveBody {
@@ -112,11 +112,11 @@ impl hyper::body::Body for LiveBody {
 mod tests {
     use super::*;
     use crate::server::peer::ClientPeer;
-    use crate::server::shares::{ShareLimits, Shares};
+    use crate::server::quota::{Quota, QuotaLimits};
 
     #[test]
     fn a_client_that_takes_nothing_is_sent_a_bounded_number_of_bytes_and_pieces() {
-        let places = Shares::new(ShareLimits {
+        let places = Quota::new(QuotaLimits {
             all: 2,
             of_peer: 2,
             reserve: 0,

@@ -31,11 +31,11 @@ use super::bodies::{ANSWERS, TEXTS};
 use super::caller::Caller;
 use super::connection::{TCP, UNIX};
 use super::error::ErrorResponse;
+use super::fair_queue::FairQueue;
+use super::quota::{Quota, QuotaLimits};
 use super::service::{Operation, Service};
-use super::shares::{ShareLimits, Shares};
-use super::stop_steps::{Arrived, StopSteps};
+use super::stop_steps::{ArrivalTime, StopSteps};
 use super::stop_workers::StopWorkers;
-use super::turns::Turns;
 use interface::Query;
 use requests::{answering, constant, json, limited, reading, text_of, written};
 
@@ -52,7 +52,7 @@ mod set_points;
 mod stream;
 
 /// Limits of texts that are being compiled or wait for it; further ones are refused.
-pub const LOADING: ShareLimits = ShareLimits {
+pub const LOADING: QuotaLimits = QuotaLimits {
     all: 32,
     of_peer: 16,
     reserve: 16,
@@ -74,15 +74,15 @@ struct ServerState {
     service: Arc<Service>,
     stops: StopWorkers,
     requests: Arc<Semaphore>,
-    loading: Arc<Shares>,
-    compiling: Arc<Turns>,
-    compiling_long: Arc<Turns>,
-    reading: Arc<Turns>,
-    texts: Arc<Shares>,
-    answers: Arc<Shares>,
-    channels: Arc<Shares>,
-    streams: Arc<Shares>,
-    fast_streams: Arc<Shares>,
+    loading: Arc<Quota>,
+    compiling: Arc<FairQueue>,
+    compiling_long: Arc<FairQueue>,
+    reading: Arc<FairQueue>,
+    texts: Arc<Quota>,
+    answers: Arc<Quota>,
+    channels: Arc<Quota>,
+    streams: Arc<Quota>,
+    fast_streams: Arc<Quota>,
 }
 
 #[derive(OpenApi)]
@@ -152,15 +152,15 @@ pub fn router(service: Arc<Service>, helpers: &Helpers) -> io::Result<Router> {
         service,
         stops: StopWorkers::start(helpers)?,
         requests: Arc::new(Semaphore::new(REQUESTS_MAX)),
-        loading: Shares::new(LOADING),
-        compiling: Turns::new(1),
-        compiling_long: Turns::new(1),
-        reading: Turns::new(READING_MAX),
-        texts: Shares::new(TEXTS),
-        answers: Shares::new(ANSWERS),
-        channels: Shares::new(CHANNELS),
-        streams: Shares::new(STREAMS),
-        fast_streams: Shares::new(FAST_STREAMS),
+        loading: Quota::new(LOADING),
+        compiling: FairQueue::new(1),
+        compiling_long: FairQueue::new(1),
+        reading: FairQueue::new(READING_MAX),
+        texts: Quota::new(TEXTS),
+        answers: Quota::new(ANSWERS),
+        channels: Quota::new(CHANNELS),
+        streams: Quota::new(STREAMS),
+        fast_streams: Quota::new(FAST_STREAMS),
     };
     Ok(routes(state))
 }
@@ -238,7 +238,7 @@ async fn stop(
     state: ServerState,
     name: String,
     what: Operation,
-    arrived: Arrived,
+    arrived: ArrivalTime,
 ) -> Result<Response, ErrorResponse> {
     let service = state.service;
     let mut steps = StopSteps::since(arrived);
@@ -358,7 +358,7 @@ async fn values(
 async fn cancel(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-    Extension(arrived): Extension<Arrived>,
+    Extension(arrived): Extension<ArrivalTime>,
 ) -> Result<Response, ErrorResponse> {
     stop(state, name, Operation::Cancel, arrived).await
 }
@@ -369,7 +369,7 @@ async fn cancel(
 async fn abort(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-    Extension(arrived): Extension<Arrived>,
+    Extension(arrived): Extension<ArrivalTime>,
 ) -> Result<Response, ErrorResponse> {
     stop(state, name, Operation::Abort, arrived).await
 }

@@ -64,7 +64,7 @@ pub struct Service {
     /// Their texts, until they are compiled.
     texts: Mutex<BTreeMap<u64, String>>,
     /// Commands that are `loading` in the executor's table and that this process is not loading.
-    unclaimed: Mutex<maintenance::Unclaimed>,
+    unclaimed: Mutex<maintenance::UnclaimedCommands>,
     recorder: Option<EventRecorder>,
     /// The helper threads of this process, for status queries.
     helpers: Helpers,
@@ -462,9 +462,8 @@ impl Service {
         let reason = EndReason::from_number(row.reason);
         let outcome = known.names.outcome(row.outcome);
         let fault = self.with_names(Some(store), |names| names.fault(&row.fault));
-        let ended = || {
-            (reason != EndReason::None).then(|| words_of_end(reason.name(), outcome, row.cycles))
-        };
+        let ended =
+            || (reason != EndReason::None).then(|| end_message(reason.name(), outcome, row.cycles));
         CommandView {
             id: row.id,
             net: known.net.clone(),
@@ -529,7 +528,7 @@ pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Ve
 }
 
 /// Describes the end of a command, with the cause if it ended at once.
-fn words_of_end(reason: &str, outcome: Option<&str>, cycles: u64) -> String {
+fn end_message(reason: &str, outcome: Option<&str>, cycles: u64) -> String {
     let words = ending(reason, outcome, cycles);
     match why_at_once(reason, outcome, cycles) {
         Some(why) => format!("{words}; {why}"),

@@ -9,7 +9,7 @@ const SLOW: Duration = Duration::from_millis(20);
 /// Time since which the first byte of a request was awaited: when its connection was accepted, or when the previous
 /// request on it was answered.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Arrived(pub Instant);
+pub(super) struct ArrivalTime(pub Instant);
 
 /// The steps so far, each with its end.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub(super) struct StopSteps {
 }
 
 impl StopSteps {
-    pub fn since(arrived: Arrived) -> StopSteps {
+    pub fn since(arrived: ArrivalTime) -> StopSteps {
         StopSteps {
             arrived: arrived.0,
             steps: Vec::new(),

@@ -46,7 +46,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    fn words(self) -> (StatusCode, &'static str) {
+    fn refusal_text(self) -> (StatusCode, &'static str) {
         match self {
             Refusal::Host => (
                 StatusCode::MISDIRECTED_REQUEST,
@@ -79,7 +79,7 @@ impl Refusal {
 
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
-        let (status, words) = self.words();
+        let (status, words) = self.refusal_text();
         (status, format!("{words}\n")).into_response()
     }
 }

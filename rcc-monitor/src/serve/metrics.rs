@@ -31,10 +31,10 @@ const TICKS_HZ: f64 = 100.0;
 
 /// State that is kept between scrapes.
 #[derive(Debug, Default)]
-pub struct ScrapeState(Mutex<Remembered>);
+pub struct ScrapeState(Mutex<SeenBefore>);
 
 #[derive(Debug, Default)]
-struct Remembered {
+struct SeenBefore {
     /// Incarnation of the executor at the last scrape that found one.
     executor: Option<String>,
     restarts: u64,
@@ -150,7 +150,7 @@ impl ScrapeState {
     }
 }
 
-impl Remembered {
+impl SeenBefore {
     /// A name keeps its label while a net has it; free labels go to active nets first, then to the newest.
     fn name(&mut self, nets: &[CommandView]) {
         self.names

@@ -84,7 +84,7 @@ pub struct Column {
 }
 
 #[derive(Debug, Default)]
-struct Gathered {
+struct CollectedValues {
     columns: BTreeMap<(u64, String), Column>,
     rows: usize,
     lost: u64,
@@ -93,7 +93,7 @@ struct Gathered {
 /// Values that wait for the next batch.
 #[derive(Debug, Default)]
 pub struct Collector {
-    gathered: Mutex<Gathered>,
+    gathered: Mutex<CollectedValues>,
 }
 
 impl Collector {

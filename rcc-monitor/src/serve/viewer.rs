@@ -66,7 +66,7 @@ impl hyper::body::Body for PageBody {
 }
 
 /// The page is gone or takes nothing.
-struct Gone;
+struct PageClosed;
 
 struct Page {
     filter: Filter,
@@ -101,7 +101,7 @@ impl Page {
         }
     }
 
-    async fn forward(&mut self, update: Update) -> Result<(), Gone> {
+    async fn forward(&mut self, update: Update) -> Result<(), PageClosed> {
         match update {
             Update::Shared(event, data) => self.send(event, &data).await,
             Update::Values(columns) => {
@@ -116,14 +116,14 @@ impl Page {
     }
 
     /// Sends the number of lost updates, and the newest state instead of them.
-    async fn after_loss(&mut self, lost: u64) -> Result<(), Gone> {
+    async fn after_loss(&mut self, lost: u64) -> Result<(), PageClosed> {
         self.send("lost", &json!({"updates": lost}).to_string())
             .await?;
         self.everything().await
     }
 
     /// Sends the newest state.
-    async fn everything(&mut self) -> Result<(), Gone> {
+    async fn everything(&mut self) -> Result<(), PageClosed> {
         let (cell, nets, events) = self.server.hub.newest(|newest| {
             let nets = super::poll::nets_text("", newest.nets.keys(), newest.nets.values());
             let events: Vec<&str> = newest.events.iter().map(|event| &**event).collect();
@@ -137,17 +137,17 @@ impl Page {
         self.send("events", &events).await
     }
 
-    async fn send(&mut self, event: &str, data: &str) -> Result<(), Gone> {
+    async fn send(&mut self, event: &str, data: &str) -> Result<(), PageClosed> {
         let cycle = self.server.hub.cycle.load(Ordering::Relaxed);
         self.piece(format!("id: {cycle}\nevent: {event}\ndata: {data}\n\n"))
             .await
     }
 
-    async fn piece(&mut self, piece: String) -> Result<(), Gone> {
+    async fn piece(&mut self, piece: String) -> Result<(), PageClosed> {
         let sent = tokio::time::timeout(TAKES_NOTHING_MAX, self.pieces.send(piece.into())).await;
         match sent {
             Ok(Ok(())) => Ok(()),
-            _ => Err(Gone),
+            _ => Err(PageClosed),
         }
     }
 }

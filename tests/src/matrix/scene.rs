@@ -5,7 +5,7 @@ use std::process::Child;
 
 use rcc_protocol::Role;
 
-use super::{Target, Victim, Way};
+use super::{Disturbance, Target, Victim};
 use crate::await_some;
 
 /// A target process of the fault.
@@ -52,8 +52,8 @@ impl Scene {
 
     /// Waits until all guests have exited, if the fault lets them exit by themselves (SIGSTOP with SIGCONT, or
     /// SIGTERM).
-    pub fn await_guests(&mut self, way: Way) {
-        if !matches!(way, Way::Stop | Way::Term) {
+    pub fn await_guests(&mut self, disturbance: Disturbance) {
+        if !matches!(disturbance, Disturbance::Stop | Disturbance::Term) {
             return;
         }
         for (_, guest) in &mut self.guests {
@@ -66,7 +66,7 @@ impl Scene {
     }
 
     /// Waits for `rcc-cli run`, which unloads its net itself, and returns how the net ended according to the exit code.
-    pub fn end_of_client(&mut self, way: Way) -> String {
+    pub fn end_of_client(&mut self, disturbance: Disturbance) -> String {
         let client = self.guest(Target::Client).expect("a client");
         let status = await_some("the client to end", || {
             client
@@ -75,7 +75,7 @@ impl Scene {
         });
         match status.code() {
             Some(0) => "finished".to_owned(),
-            Some(130 | 143) | None if way == Way::Term => "canceled".to_owned(),
+            Some(130 | 143) | None if disturbance == Disturbance::Term => "canceled".to_owned(),
             _ => panic!("rcc-cli run: {status}"),
         }
     }

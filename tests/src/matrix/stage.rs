@@ -14,7 +14,7 @@ use programs::{configured, robot_socket, start_robot, swap_outputs};
 
 use super::scene::{Scene, StruckProcess};
 use super::strike::Strike;
-use super::{Case, Outcome, Phase, Target, Victim, Way};
+use super::{Case, Disturbance, Outcome, Phase, Target, Victim};
 use crate::cell_fixture::CellFixture;
 use crate::census::Census;
 use crate::endurance::{self, CORE};
@@ -259,11 +259,15 @@ impl Stage {
 
     /// Waits until the net of the case has ended, asserts that the case allows this end, and returns it in words.
     fn await_end_of_motion(&mut self, case: Case, scene: &mut Scene) -> String {
-        let Case { victim, phase, way } = case;
+        let Case {
+            victim,
+            phase,
+            disturbance,
+        } = case;
         let client = victim.touches(Target::Client);
         if client && phase == Phase::Starting {
             // Its net may or may not have been started before the client died; both are allowed.
-            scene.await_guests(way);
+            scene.await_guests(disturbance);
             self.clear(false);
             return "–".to_owned();
         }
@@ -274,8 +278,8 @@ impl Stage {
             return "at rest".to_owned();
         }
         let runs = client && matches!(phase, Phase::Moving | Phase::Reconfigured);
-        if runs && matches!(way, Way::Stop | Way::Term) {
-            return scene.end_of_client(way);
+        if runs && matches!(disturbance, Disturbance::Stop | Disturbance::Term) {
+            return scene.end_of_client(disturbance);
         }
         let row = self.cell.await_end(line);
         let reason = row["reason"].as_str().unwrap_or_default().to_owned();
@@ -285,7 +289,7 @@ impl Stage {
             "finished"
         };
         let touched = victim.touches(Target::ArmDriver) || victim.touches(Target::Executor);
-        let asked = client && way == Way::Term && reason == "canceled";
+        let asked = client && disturbance == Disturbance::Term && reason == "canceled";
         // The client died before it sent the cancel.
         let unsent = client && phase == Phase::Cancelling && reason == "finished";
         assert!(
@@ -300,15 +304,21 @@ impl Stage {
 
     /// Waits until the cell has ended, or until it is ready again if its supervisor was only stopped for a while.
     fn await_end_of_cell(&mut self, case: Case, scene: &mut Scene) -> String {
-        let Case { victim, phase, way } = case;
-        if phase == Phase::Starting && way == Way::Stop {
+        let Case {
+            victim,
+            phase,
+            disturbance,
+        } = case;
+        if phase == Phase::Starting && disturbance == Disturbance::Stop {
             self.cell.await_ready();
             return "goes on".to_owned();
         }
         let status = self.cell.await_end_of_up();
         // By design, a running monitor waits for the cell to start again, so it must be killed.
         scene.end_guests();
-        if victim.touches(Target::Supervisor) && matches!(way, Way::Kill | Way::Segv) {
+        if victim.touches(Target::Supervisor)
+            && matches!(disturbance, Disturbance::Kill | Disturbance::Segv)
+        {
             self.cell.await_dead();
             return "at rest".to_owned();
         }

@@ -7,7 +7,7 @@ use nix::sys::signal::Signal;
 
 use super::freeze::FrozenThread;
 use super::scene::Scene;
-use super::{Case, Victim, Way};
+use super::{Case, Disturbance, Victim};
 use crate::processes::signal;
 
 /// How long a process is stopped by SIGSTOP: longer than any deadline of a driver, shorter than the supervisor's
@@ -35,7 +35,7 @@ impl Strike {
             };
         }
         Strike {
-            met_all: strike(&pids, case.way),
+            met_all: strike(&pids, case.disturbance),
             _frozen: None,
         }
     }
@@ -47,14 +47,14 @@ impl Strike {
 }
 
 /// Sends the signals of `way`; false if one of the processes had already exited.
-fn strike(pids: &[u32], way: Way) -> bool {
+fn strike(pids: &[u32], disturbance: Disturbance) -> bool {
     let all = |with: Signal| {
         let met = pids.iter().filter(|pid| signal(**pid, with)).count();
         met == pids.len()
     };
-    match way {
-        Way::Kill => all(Signal::SIGKILL),
-        Way::Segv => {
+    match disturbance {
+        Disturbance::Kill => all(Signal::SIGKILL),
+        Disturbance::Segv => {
             let there = all(Signal::SIGSEGV);
             // At the first SIGSEGV that is not a stack overflow, Rust's handler restores the default action and
             // returns, because a real fault would recur at once. It is sent repeatedly because pending signals of the
@@ -65,12 +65,12 @@ fn strike(pids: &[u32], way: Way) -> bool {
             }
             there
         }
-        Way::Term => all(Signal::SIGTERM),
-        Way::Stop => {
+        Disturbance::Term => all(Signal::SIGTERM),
+        Disturbance::Stop => {
             let there = all(Signal::SIGSTOP);
             std::thread::sleep(STOPPED);
             all(Signal::SIGCONT) && there
         }
-        Way::Freeze => unreachable!("only a thread is frozen"),
+        Disturbance::Freeze => unreachable!("only a thread is frozen"),
     }
 }

@@ -1,7 +1,7 @@
 //! Writes the outcomes of the matrix as markdown tables with their legend.
 //! Pure functions.
 
-use super::{Case, HELPERS, Outcome, PHASES, Phase, TARGETS, Victim, WAYS, Way};
+use super::{Case, DISTURBANCES, Disturbance, HELPERS, Outcome, PHASES, Phase, TARGETS, Victim};
 
 /// Returns the document; `machine` is a sentence that names the date and the machine of the run.
 pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
@@ -19,12 +19,18 @@ pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
     };
     for (target, name) in TARGETS {
         text += &format!("\n| {name}, while the cell is |");
-        text += &row(WAYS.map(|(_, way)| way.to_owned()));
-        text += &line(1 + WAYS.len());
+        text += &row(DISTURBANCES.map(|(_, disturbance)| disturbance.to_owned()));
+        text += &line(1 + DISTURBANCES.len());
         let victim = Victim::One(target);
         for (phase, phase_name) in PHASES {
             text += &format!("| {phase_name} |");
-            text += &row(WAYS.map(|(way, _)| cells.cell(Case { victim, phase, way })));
+            text += &row(DISTURBANCES.map(|(disturbance, _)| {
+                cells.cell(Case {
+                    victim,
+                    phase,
+                    disturbance,
+                })
+            }));
         }
     }
     text += "\n| killed at the same moment, while the arm moves |";
@@ -40,7 +46,7 @@ pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
             cells.cell(Case {
                 victim,
                 phase: Phase::Moving,
-                way: Way::Kill,
+                disturbance: Disturbance::Kill,
             })
         }));
     }
@@ -48,12 +54,12 @@ pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
         "\n| helper thread of the executor, while the arm moves | hangs for ever |\n|---|---|\n";
     for name in HELPERS {
         let victim = Victim::Helper(name);
-        let way = Way::Freeze;
+        let disturbance = Disturbance::Freeze;
         text += &format!("| `{name}` |");
         text += &row([cells.cell(Case {
             victim,
             phase: Phase::Moving,
-            way,
+            disturbance,
         })]);
     }
     text + &cells.explain()

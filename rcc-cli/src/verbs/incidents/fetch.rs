@@ -57,7 +57,7 @@ pub fn run(context: &Context, arguments: FetchArguments) -> Result<(), Failure> 
     context.print(&WrittenFile::of(&file)?, |written| {
         format!(
             "{}; next: rcc-cli replay {}",
-            written.words(),
+            written.describe(),
             file.display()
         )
     });

@@ -25,7 +25,7 @@ pub(super) fn value(rules: &RuleReplayResult) -> Value {
 }
 
 /// The result for people; empty if no rule was judged.
-pub(super) fn words(rules: &RuleReplayResult) -> String {
+pub(super) fn describe(rules: &RuleReplayResult) -> String {
     if rules.recorded == 0 && rules.ended.is_empty() {
         return String::new();
     }
@@ -71,15 +71,18 @@ mod tests {
     #[test]
     fn firings_are_told_and_a_difference_is_a_failure() {
         let mut rules = RuleReplayResult::default();
-        assert_eq!((words(&rules), value(&rules)), (String::new(), Value::Null));
+        assert_eq!(
+            (describe(&rules), value(&rules)),
+            (String::new(), Value::Null)
+        );
         rules.recorded = 1200;
         (rules.compared, rules.held, rules.reproduced) = (1100, 2, 2);
         rules.ended.push((4106, 7, RuleState::Fired));
-        let told = words(&rules);
+        let told = describe(&rules);
         assert!(told.contains("cycle 4 106: rule 7 fired"), "{told}");
         assert!(verdict(&rules).is_ok());
         rules.mismatch = Some((7, 4106));
-        assert!(words(&rules).contains("DIFFERS"));
+        assert!(describe(&rules).contains("DIFFERS"));
         assert!(verdict(&rules).is_err());
         assert_eq!(value(&rules)["mismatch"]["rule"], 7);
     }

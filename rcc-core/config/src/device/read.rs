@@ -5,10 +5,10 @@ use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 
 use super::{CHANNEL_KINDS, ChannelConfig, OnRelease, is_digital, is_output, kind_name};
+use crate::article::with_article;
 use crate::codes;
 use crate::diagnostic::Span;
 use crate::reader::{ConfigReader, Fields, ID, QuantityRange, display_value, error};
-use crate::words::with_article;
 use crate::yaml::{Entry, Node, Value};
 
 pub(crate) const KEYS: [&str; 7] = [

@@ -173,12 +173,17 @@ fn the_janitor_program_reports_by_its_exit_code() {
     let refused = janitor(&["--cell", "test", "--wipe"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(
-        words(&refused.stderr).contains("driver `lwr` is running"),
+        output_text(&refused.stderr).contains("driver `lwr` is running"),
         "{}",
-        words(&refused.stderr)
+        output_text(&refused.stderr)
     );
     peer.kill();
     let wiped = janitor(&["--cell", "test", "--wipe"]);
-    assert_eq!(wiped.status.code(), Some(0), "{}", words(&wiped.stderr));
+    assert_eq!(
+        wiped.status.code(),
+        Some(0),
+        "{}",
+        output_text(&wiped.stderr)
+    );
     assert!(cell.files().is_empty());
 }

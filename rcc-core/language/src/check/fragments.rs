@@ -2,8 +2,8 @@
 //! each instance, and everything read outside of a region becomes null while the region is inactive. Runs on the
 //! loader's threads.
 
+use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
-use rcc_config::words::with_article;
 use rcc_core::types::Type;
 
 use crate::codes;

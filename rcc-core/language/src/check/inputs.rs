@@ -1,7 +1,7 @@
 //! Rules about values that are set from outside. Runs on the loader's threads.
 
+use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
-use rcc_config::words::with_article;
 use rcc_core::plan::INPUT_ELEMENTS_MAX;
 use rcc_core::primitive::Role;
 use rcc_core::types::Type;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use rcc_config::article::with_article;
 use rcc_config::diagnostic::{Diagnostic, Span};
-use rcc_config::words::with_article;
 use rcc_core::message::MONITOR_WIDTH_MAX;
 use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX, TOPICS_MAX};
 use rcc_core::primitive::{CYCLES_MAX, ChannelKind, ParameterKind, Role};

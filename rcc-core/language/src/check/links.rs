@@ -1,7 +1,7 @@
 //! Rules about the types and units of links and of lists of links. Runs on the loader's threads.
 
+use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
-use rcc_config::words::with_article;
 use rcc_core::counted::Counted;
 use rcc_core::primitive::PortType;
 use rcc_core::types::Type;

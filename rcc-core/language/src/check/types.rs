@@ -1,7 +1,7 @@
 //! Rules about the types, lengths and units of the ports of one primitive. Runs on the loader's threads.
 
+use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
-use rcc_config::words::with_article;
 use rcc_core::primitive::{ParameterKind, PortType, UnitRule};
 use rcc_core::unit::Unit;
 

@@ -1,9 +1,9 @@
 //! Resolves parameters that are names: devices and channels of the cell, topics, types, units and words. Runs on the
 //! loader's threads.
 
+use rcc_config::article::with_article;
 use rcc_config::device::{CHANNEL_KINDS, kind_name};
 use rcc_config::diagnostic::Span;
-use rcc_config::words::with_article;
 use rcc_core::primitive::{ChannelKind, Parameter, ParameterKind, Spec};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;

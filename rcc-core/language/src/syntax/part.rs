@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use rcc_config::words::with_article;
+use rcc_config::article::with_article;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 

@@ -72,7 +72,7 @@ impl Event {
                 let number = outcome.unwrap_or(0);
                 let outcome = names.outcome(self.executor(), *command, number);
                 match (fault, reason) {
-                    (Some(fault), _) => format!("{net} {state} by a fault, {}", fault.words()),
+                    (Some(fault), _) => format!("{net} {state} by a fault, {}", fault.sentence()),
                     (None, Some(reason)) => {
                         format!(
                             "{net} {state}: {}",
@@ -431,7 +431,7 @@ fn because(reason: &str) -> String {
 impl CommandFault {
     /// Formats the fault and its remedy.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn sentence(&self) -> String {
         let device = match &self.device {
             Some(device) => format!(" {device}"),
             None => String::new(),

@@ -89,6 +89,6 @@ fn a_fault_without_device_and_numbers_is_a_whole_sentence() {
         limit: None,
         unit: None,
     };
-    let words = fault.words();
+    let words = fault.sentence();
     assert!(words.starts_with("overrun; make the net"), "{words}");
 }

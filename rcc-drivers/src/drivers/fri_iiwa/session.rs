@@ -122,11 +122,11 @@ impl IiwaSession {
             }
             self.reset();
         }
-        if let Some(doubt) = self.doubt_about(&state, ticks)
+        if let Some(implausibility) = self.implausibility_of(&state, ticks)
             && !self.is_confirmed_by(&state)
         {
             self.unconfirmed = Some(state);
-            return Err(refusal(doubt));
+            return Err(refusal(implausibility));
         }
         self.unconfirmed = None;
         self.out_of_order = 0;
@@ -152,7 +152,7 @@ impl IiwaSession {
 
     /// Returns why a message must be confirmed by the next one: until 2.5, FRI has no checksum, and while commands are
     /// executed a single message must not end that.
-    fn doubt_about(&self, state: &RobotState, ticks: u32) -> Option<&'static str> {
+    fn implausibility_of(&self, state: &RobotState, ticks: u32) -> Option<&'static str> {
         let last = self.robot.as_ref()?;
         if last.session != SessionState::CommandingActive {
             return None;

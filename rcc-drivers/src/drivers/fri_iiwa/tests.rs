@@ -197,8 +197,8 @@ fn the_end_of_a_motion_needs_two_messages() {
     }
     assert!(session.exchange(&mut Inputs::NONE.clone()).commandable);
     let bytes = |sequence| encode(version, &message(sequence, 1)).expect("it fits");
-    let doubt = session.accept(&bytes(7)).expect_err("one message alone");
-    assert_eq!(doubt.to_string(), "the session state changed");
+    let implausibility = session.accept(&bytes(7)).expect_err("one message alone");
+    assert_eq!(implausibility.to_string(), "the session state changed");
     session.accept(&bytes(8)).expect("it is confirmed");
     let exchange = session.exchange(&mut Inputs::NONE.clone());
     assert_eq!((exchange.commandable, exchange.reason), (false, MONITORING));

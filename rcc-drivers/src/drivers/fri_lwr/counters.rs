@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use serde_json::{Value, json};
 
-use super::plausibility::Doubt;
+use super::plausibility::Implausibility;
 use crate::drivers::fri_socket::peer::Peer;
 use crate::fri_lwr::wire::{
     FriControlStrategy, HeaderRule, MeasurementDatagram, Quality, SessionState, WireError,
@@ -40,7 +40,7 @@ pub struct FriCounters {
     disordered: AtomicU64,
     /// Datagrams that waited for the next one to confirm them.
     doubted: AtomicU64,
-    /// Index of the last doubt in [`Doubt::ALL`].
+    /// Index of the last implausibility in [`Implausibility::ALL`].
     doubt_last: AtomicU32,
     sequence: AtomicU32,
     gaps: AtomicU64,
@@ -115,11 +115,16 @@ impl FriCounters {
         self.foreign_last.store(packed(source), Relaxed);
     }
 
-    /// Counts a datagram that was refused; `doubt` is the reason if it was implausible.
-    pub fn refused(&self, bytes: &[u8], source: SocketAddr, doubt: Option<Doubt>) {
+    /// Counts a datagram that was refused; `implausibility` is the reason if it was implausible.
+    pub fn refused(
+        &self,
+        bytes: &[u8],
+        source: SocketAddr,
+        implausibility: Option<Implausibility>,
+    ) {
         self.datagrams.fetch_add(1, Relaxed);
         self.controller.store(packed(source), Relaxed);
-        if let Some(index) = doubt.and_then(place) {
+        if let Some(index) = implausibility.and_then(place) {
             self.doubted.fetch_add(1, Relaxed);
             self.doubt_last.store(index, Relaxed);
         }
@@ -215,7 +220,7 @@ impl LinkDiagnosis for FriCounters {
             "malformed": number(&self.malformed),
             "disordered": number(&self.disordered),
             "doubted": number(&self.doubted),
-            "doubt_last": (number(&self.doubted) > 0).then(|| words(self.doubt_last.load(Relaxed))),
+            "doubt_last": (number(&self.doubted) > 0).then(|| description(self.doubt_last.load(Relaxed))),
             "gaps": number(&self.gaps),
             "gaps_datagrams": number(&self.gaps_datagrams),
             // The maximum since the last call, and the maximum since the start.
@@ -284,16 +289,17 @@ impl DatagramStatistics {
     }
 }
 
-/// Returns the index of a doubt in [`Doubt::ALL`].
-fn place(doubt: Doubt) -> Option<u32> {
-    let mut rows = (0..).zip(Doubt::ALL);
-    rows.find(|(_, row)| row.0 == doubt).map(|(index, _)| index)
+/// Returns the index of a implausibility in [`Implausibility::ALL`].
+fn place(implausibility: Implausibility) -> Option<u32> {
+    let mut rows = (0..).zip(Implausibility::ALL);
+    rows.find(|(_, row)| row.0 == implausibility)
+        .map(|(index, _)| index)
 }
 
-fn words(index: u32) -> &'static str {
+fn description(index: u32) -> &'static str {
     let row = usize::try_from(index)
         .ok()
-        .and_then(|index| Doubt::ALL.get(index));
+        .and_then(|index| Implausibility::ALL.get(index));
     row.map_or("", |row| row.1)
 }
 
@@ -347,7 +353,7 @@ mod tests {
         let mut other = measured(1).encode();
         other[6] = 9;
         counters.refused(&other, at(2), None);
-        counters.refused(&measured(1).encode(), at(2), Some(Doubt::Period));
+        counters.refused(&measured(1).encode(), at(2), Some(Implausibility::Period));
         counters.foreign(at(3));
         let link = counters.link();
         assert_eq!(
@@ -365,8 +371,11 @@ mod tests {
         );
         assert_eq!(link["foreign_last"], "127.0.0.1:3");
         assert_eq!(link["doubted"], 1);
-        let doubt = link["doubt_last"].as_str().expect("words");
-        assert!(doubt.contains("settings.period_tolerance"), "{doubt}");
+        let implausibility = link["doubt_last"].as_str().expect("words");
+        assert!(
+            implausibility.contains("settings.period_tolerance"),
+            "{implausibility}"
+        );
         assert!(link["wire"].is_null() && MSR_SIZE == 916);
     }
 

@@ -9,8 +9,8 @@ use rcc_core::impedance::ControlMode;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
-use super::handshake::{KrlConvention, Wish};
-use super::plausibility::{Doubt, PeriodMean, changed, has_power};
+use super::handshake::{KrlConvention, ModeRequest};
+use super::plausibility::{Implausibility, PeriodMean, changed, has_power};
 use super::strategy::StrategyEncoder;
 use super::variables::{KrlChannel, Variable, krl_channels};
 use super::{DRIVES_OFF, ENTERING, MONITORING, POSE, QUALITY, STRATEGY};
@@ -78,7 +78,7 @@ pub struct FriSession {
     releasing: bool,
     refused: u64,
     /// A datagram that contradicts the present command state; accepted once the next one confirms it.
-    unconfirmed: Option<(MeasurementDatagram, Doubt)>,
+    unconfirmed: Option<(MeasurementDatagram, Implausibility)>,
     /// Missed answers counted by earlier controllers, minus the count with which the present one started.
     missed_before: i64,
 }
@@ -144,11 +144,11 @@ impl FriSession {
             }
             self.reset();
         }
-        if let Some(doubt) = self.doubt_about(&measured, ticks)
+        if let Some(implausibility) = self.implausibility_of(&measured, ticks)
             && !self.is_confirmed_by(&measured)
         {
             self.refuse();
-            self.unconfirmed = Some((measured, doubt));
+            self.unconfirmed = Some((measured, implausibility));
             return false;
         }
         self.unconfirmed = None;
@@ -178,16 +178,20 @@ impl FriSession {
 
     /// Returns why a datagram must be confirmed by the next one. FRI has no checksum: in command state, a single datagram
     /// must neither end that state, nor change the period, nor move the mirrored position, nor skip many sequence numbers.
-    fn doubt_about(&self, measured: &MeasurementDatagram, ticks: u16) -> Option<Doubt> {
+    fn implausibility_of(
+        &self,
+        measured: &MeasurementDatagram,
+        ticks: u16,
+    ) -> Option<Implausibility> {
         if self.measured.state != SessionState::Command || self.last_sequence.is_none() {
             return None;
         }
         let mirrored = self.commanding <= ENTRY_CYCLES;
         let agrees = self.period.agrees(measured.measurement_period);
         match () {
-            () if ticks > GAP_MAX => Some(Doubt::Gap),
+            () if ticks > GAP_MAX => Some(Implausibility::Gap),
             () if mirrored && !is_near(measured, &self.measured, STILL_RAD) => {
-                Some(Doubt::Position)
+                Some(Implausibility::Position)
             }
             () => changed(&self.measured, measured, agrees),
         }
@@ -209,8 +213,10 @@ impl FriSession {
 
     /// Returns why the last datagram was implausible, if it was refused for that reason.
     #[must_use]
-    pub fn doubt(&self) -> Option<Doubt> {
-        self.unconfirmed.as_ref().map(|(_, doubt)| *doubt)
+    pub fn implausibility(&self) -> Option<Implausibility> {
+        self.unconfirmed
+            .as_ref()
+            .map(|(_, implausibility)| *implausibility)
     }
 
     /// Returns the last accepted datagram.
@@ -311,12 +317,12 @@ impl FriSession {
         }
         if let Some(handshake) = self.settings.krl.handshake() {
             let default = handshake.needs_strategy.then_some(ControlMode::Position);
-            let wish = match () {
-                () if self.releasing => Wish::Stop,
-                () if self.measured.quality < self.settings.quality_min => Wish::Present,
-                () => Wish::Start,
+            let request = match () {
+                () if self.releasing => ModeRequest::Stop,
+                () if self.measured.quality < self.settings.quality_min => ModeRequest::Present,
+                () => ModeRequest::Start,
             };
-            handshake.write(&mut krl, wish, self.settings.strategy.or(default));
+            handshake.write(&mut krl, request, self.settings.strategy.or(default));
         }
         krl
     }

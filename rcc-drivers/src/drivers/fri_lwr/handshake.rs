@@ -20,7 +20,7 @@ pub enum KrlConvention {
 
 /// Request of the driver to the KRL program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
+pub enum ModeRequest {
     /// Not yet: the connection quality is too low.
     Present,
     /// Command mode.
@@ -79,11 +79,11 @@ impl KrlConvention {
 
 impl Handshake {
     /// Writes the request and, if given, the strategy.
-    pub fn write(&self, krl: &mut KrlBlock, wish: Wish, strategy: Option<ControlMode>) {
-        let value = match wish {
-            Wish::Present => self.present,
-            Wish::Start => self.start,
-            Wish::Stop => self.stop,
+    pub fn write(&self, krl: &mut KrlBlock, request: ModeRequest, strategy: Option<ControlMode>) {
+        let value = match request {
+            ModeRequest::Present => self.present,
+            ModeRequest::Start => self.start,
+            ModeRequest::Stop => self.stop,
         };
         let chosen = strategy.map(krl_strategy);
         for (number, value) in [(self.request, Some(value)), (self.strategy, chosen)] {

@@ -8,7 +8,7 @@ const PERIODS_AVERAGED: f64 = 1000.0;
 
 /// Why a datagram is implausible: it is accepted only once the next one confirms it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Doubt {
+pub enum Implausibility {
     /// The session state changes.
     State,
     /// The control strategy changes.
@@ -23,19 +23,19 @@ pub enum Doubt {
     Position,
 }
 
-impl Doubt {
-    /// All doubts with their words.
-    pub const ALL: [(Doubt, &'static str); 6] = [
-        (Doubt::State, "the session state changed"),
-        (Doubt::Strategy, "the control strategy changed"),
-        (Doubt::Power, "the drives' power or errors changed"),
+impl Implausibility {
+    /// All implausibilities with their words.
+    pub const ALL: [(Implausibility, &'static str); 6] = [
+        (Implausibility::State, "the session state changed"),
+        (Implausibility::Strategy, "the control strategy changed"),
+        (Implausibility::Power, "the drives' power or errors changed"),
         (
-            Doubt::Period,
+            Implausibility::Period,
             "the sample time differed from its mean by more than settings.period_tolerance",
         ),
-        (Doubt::Gap, "many sequence numbers were skipped"),
+        (Implausibility::Gap, "many sequence numbers were skipped"),
         (
-            Doubt::Position,
+            Implausibility::Position,
             "the controller's own position jumped while it was mirrored",
         ),
     ];
@@ -100,12 +100,12 @@ pub fn changed(
     last: &MeasurementDatagram,
     now: &MeasurementDatagram,
     period_agrees: bool,
-) -> Option<Doubt> {
+) -> Option<Implausibility> {
     let rows = [
-        (Doubt::State, last.state != now.state),
-        (Doubt::Strategy, last.control != now.control),
-        (Doubt::Power, has_power(last) != has_power(now)),
-        (Doubt::Period, !period_agrees),
+        (Implausibility::State, last.state != now.state),
+        (Implausibility::Strategy, last.control != now.control),
+        (Implausibility::Power, has_power(last) != has_power(now)),
+        (Implausibility::Period, !period_agrees),
     ];
     rows.into_iter().find(|row| row.1).map(|row| row.0)
 }

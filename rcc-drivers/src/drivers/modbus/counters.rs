@@ -100,7 +100,7 @@ impl ServerCounters {
             "address": self.address,
             "unit": self.unit,
             "online": self.online.load(Relaxed) == 1,
-            "fault": (fault != 0).then(|| fault::words(fault)),
+            "fault": (fault != 0).then(|| fault::description(fault)),
             "last_fault": (!last_fault.is_empty()).then_some(last_fault),
             "quality_permille": self.quality_permille.load(Relaxed),
             "connections": number(&self.connections),

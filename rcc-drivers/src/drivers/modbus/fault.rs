@@ -133,7 +133,7 @@ pub enum ServerFault {
     #[error("invalid response: {0}")]
     Broken(FrameError),
     /// The server answers with an exception.
-    #[error("{doing}: exception {code}: {}", words(exception_reason(*code)))]
+    #[error("{doing}: exception {code}: {}", description(exception_reason(*code)))]
     Exception {
         /// Description of the request.
         doing: String,
@@ -141,7 +141,7 @@ pub enum ServerFault {
         code: u8,
     },
     /// The server refuses function 22.
-    #[error("{doing}: exception 1: {}", words(NO_MASK_WRITE))]
+    #[error("{doing}: exception 1: {}", description(NO_MASK_WRITE))]
     NoMaskWrite {
         /// Description of the request.
         doing: String,
@@ -198,14 +198,14 @@ impl ServerFault {
 
 /// Returns the text of a reason.
 #[must_use]
-pub fn words(reason: u32) -> &'static str {
+pub fn description(reason: u32) -> &'static str {
     let mut rows = REASONS.iter();
     rows.find(|row| row.0 == reason).map_or("", |row| row.1)
 }
 
 fn exception_reason(code: u8) -> u32 {
     let reason = EXCEPTIONS + u32::from(code);
-    if words(reason).is_empty() {
+    if description(reason).is_empty() {
         REFUSED
     } else {
         reason

@@ -20,7 +20,7 @@ use crate::sim::trace::TraceRecord;
 mod command_target;
 mod set_point;
 
-use set_point::Due;
+use set_point::DueAnswer;
 pub(super) use set_point::Motion;
 
 /// Messages in IDLE with which a session ends.
@@ -307,11 +307,11 @@ impl Cabinet {
     }
 
     /// Counts the answer, or that one was missed: one is due after as many messages as the receive multiplier says.
-    fn count(&mut self, answer: Option<&(Command, f64)>, periods: u64) -> Due {
+    fn count(&mut self, answer: Option<&(Command, f64)>, periods: u64) -> DueAnswer {
         self.counts.stalls += u64::from(periods > 1);
         self.counts.skipped += periods.saturating_sub(1);
         if self.robot.sent.is_none() || !self.session_open {
-            return Due::Nothing;
+            return DueAnswer::Nothing;
         }
         self.messages_since_due += 1;
         if let Some((command, delay_s)) = answer {
@@ -321,15 +321,15 @@ impl Cabinet {
             self.last_answer = command.header.and_then(|header| header.sequence);
             let written = command.data.as_ref().map_or(&[][..], |data| &data.io);
             self.station.write(written);
-            return Due::Answer;
+            return DueAnswer::Answer;
         }
         if self.messages_since_due < self.settings.multiplier {
-            return Due::Nothing;
+            return DueAnswer::Nothing;
         }
         self.messages_since_due = 0;
         self.quality.record(None);
         self.counts.missed += 1;
-        Due::Miss
+        DueAnswer::Miss
     }
 
     /// Ends the motion with a fault; the first cause is kept.

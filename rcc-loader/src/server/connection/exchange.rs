@@ -22,7 +22,7 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
 use crate::server::peer::ClientPeer;
 use crate::server::request_head::{HEAD_MAX, HEADERS_MAX, RequestHead};
-use crate::server::stop_steps::Arrived;
+use crate::server::stop_steps::ArrivalTime;
 
 /// A connection after an answer.
 pub(super) enum Answered<I> {
@@ -36,7 +36,7 @@ pub(super) enum Answered<I> {
 
 /// Answers one request.
 pub(super) async fn answer<I>(
-    (peer, arrived): (ClientPeer, Arrived),
+    (peer, arrived): (ClientPeer, ArrivalTime),
     head: RequestHead,
     io: I,
     router: Router,

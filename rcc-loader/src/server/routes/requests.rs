@@ -19,8 +19,8 @@ use crate::server::bodies;
 use crate::server::caller::Caller;
 use crate::server::error::ErrorResponse;
 use crate::server::peer::ClientPeer;
+use crate::server::quota::QuotaLimits;
 use crate::server::service::Service;
-use crate::server::shares::ShareLimits;
 
 /// The peer of a request without a connection.
 const NO_PEER: ClientPeer = ClientPeer::Process(0);
@@ -160,7 +160,7 @@ fn too_many(requests_max: usize) -> ApiError {
 }
 
 /// Returns the error for one more than these limits allow of something that a client does.
-pub(super) fn too_many_of(limits: ShareLimits, what: &str) -> ApiError {
+pub(super) fn too_many_of(limits: QuotaLimits, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!(
@@ -172,7 +172,7 @@ pub(super) fn too_many_of(limits: ShareLimits, what: &str) -> ApiError {
 }
 
 /// Returns the error for one stream or channel more than these limits allow.
-pub(super) fn too_many_streams(limits: ShareLimits, what: &str) -> ApiError {
+pub(super) fn too_many_streams(limits: QuotaLimits, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!(

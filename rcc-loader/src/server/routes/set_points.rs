@@ -21,11 +21,11 @@ use crate::server::bodies::SET_TEXT_MAX;
 use crate::server::error::ErrorResponse;
 use crate::server::live;
 use crate::server::peer::ClientPeer;
+use crate::server::quota::QuotaLimits;
 use crate::server::service::LineQueue;
-use crate::server::shares::ShareLimits;
 
 /// Limits of set-point channels; each may use one of the eight requests that the executor takes in a cycle.
-pub const CHANNELS: ShareLimits = ShareLimits {
+pub const CHANNELS: QuotaLimits = QuotaLimits {
     all: 4,
     of_peer: 3,
     reserve: 2,

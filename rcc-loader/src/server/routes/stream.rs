@@ -13,18 +13,18 @@ use super::{ServerState, ValuesQuery};
 use crate::server::error::ErrorResponse;
 use crate::server::live;
 use crate::server::peer::ClientPeer;
+use crate::server::quota::QuotaLimits;
 use crate::server::service::{Service, StreamRequest, USUAL_RATE_MAX};
-use crate::server::shares::ShareLimits;
 
 /// Limits of streams.
-pub const STREAMS: ShareLimits = ShareLimits {
+pub const STREAMS: QuotaLimits = QuotaLimits {
     all: 8,
     of_peer: 6,
     reserve: 4,
     small: 1,
 };
 /// Limits of streams that sample faster than [`USUAL_RATE_MAX`]: each may use a request to the executor in every cycle.
-pub const FAST_STREAMS: ShareLimits = ShareLimits {
+pub const FAST_STREAMS: QuotaLimits = QuotaLimits {
     all: 2,
     of_peer: 1,
     reserve: 0,

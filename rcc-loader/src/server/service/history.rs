@@ -30,10 +30,10 @@ pub const READ_EVERY: Duration = Duration::from_millis(20);
 
 /// The records of the executor that was seen last.
 #[derive(Debug, Default)]
-pub(super) struct History(Mutex<Kept>);
+pub(super) struct History(Mutex<RetainedRecords>);
 
 #[derive(Debug, Default)]
-struct Kept {
+struct RetainedRecords {
     /// Incarnation of the executor.
     executor: u64,
     /// In the order of their numbers.
@@ -66,7 +66,7 @@ pub struct HistoryRequest {
 
 /// Where an answer begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Begin {
+enum AnswerStart {
     /// With the newest values that the limit allows.
     Newest,
     /// After a position: the incarnation of the executor, and the number of the next record.
@@ -85,12 +85,12 @@ pub struct RecordFollower {
     log: LogThrottle,
 }
 
-impl Kept {
+impl RetainedRecords {
     fn add(&mut self, executor: u64, records: &[MonitorRecord]) {
         if self.executor != executor {
-            *self = Kept {
+            *self = RetainedRecords {
                 executor,
-                ..Kept::default()
+                ..RetainedRecords::default()
             };
         }
         for record in records {
@@ -110,10 +110,10 @@ impl Kept {
     }
 
     /// Returns the index of the first record of an answer, and whether nothing is missing before it.
-    fn first(&self, begin: Begin) -> (usize, bool) {
+    fn first(&self, begin: AnswerStart) -> (usize, bool) {
         match begin {
-            Begin::Newest => (0, true),
-            Begin::After(executor, number) => {
+            AnswerStart::Newest => (0, true),
+            AnswerStart::After(executor, number) => {
                 let oldest = self
                     .records
                     .front()
@@ -122,7 +122,7 @@ impl Kept {
                 let before = |record: &MonitorRecord| is_known && record.sequence < number;
                 (self.records.partition_point(before), is_known)
             }
-            Begin::Last(span_ns) => {
+            AnswerStart::Last(span_ns) => {
                 let newest = self.records.back().map_or(0, |record| record.stamp_ns);
                 let from_ns = newest.saturating_sub(span_ns);
                 (
@@ -134,9 +134,9 @@ impl Kept {
         }
     }
 
-    fn page(&self, begin: Begin, patterns: &[Pattern], limit: usize) -> HistoryPage {
+    fn page(&self, begin: AnswerStart, patterns: &[Pattern], limit: usize) -> HistoryPage {
         let (mut first, continues) = self.first(begin);
-        if begin == Begin::Newest {
+        if begin == AnswerStart::Newest {
             first = self.records.len();
             let mut found = 0;
             while first > 0 && found < limit {
@@ -149,7 +149,7 @@ impl Kept {
             ..HistoryPage::default()
         };
         let mut next = match begin {
-            Begin::After(_, number) if continues => number,
+            AnswerStart::After(_, number) if continues => number,
             _ => self
                 .records
                 .get(first)
@@ -214,7 +214,7 @@ impl Kept {
 }
 
 impl History {
-    fn kept(&self) -> MutexGuard<'_, Kept> {
+    fn kept(&self) -> MutexGuard<'_, RetainedRecords> {
         // A panic leaves at worst a part of a batch.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -314,7 +314,7 @@ impl RecordFollower {
     }
 }
 
-fn begin(request: &HistoryRequest) -> Result<Begin, ApiError> {
+fn begin(request: &HistoryRequest) -> Result<AnswerStart, ApiError> {
     match (&request.after, request.seconds) {
         (Some(_), Some(_)) => Err(bad(
             "both `after` and `seconds` are given".to_owned(),
@@ -334,16 +334,18 @@ fn begin(request: &HistoryRequest) -> Result<Begin, ApiError> {
                     "give `after` the value of `next` of an earlier answer, or omit it",
                 )
             })?;
-            Ok(Begin::After(executor, number))
+            Ok(AnswerStart::After(executor, number))
         }
         (None, Some(seconds)) => match Duration::try_from_secs_f64(seconds) {
-            Ok(span) => Ok(Begin::Last(span.as_nanos().try_into().unwrap_or(u64::MAX))),
+            Ok(span) => Ok(AnswerStart::Last(
+                span.as_nanos().try_into().unwrap_or(u64::MAX),
+            )),
             Err(_) => Err(bad(
                 format!("seconds: {seconds} is not a length of time"),
                 "give a number of seconds, such as 2.5",
             )),
         },
-        (None, None) => Ok(Begin::Newest),
+        (None, None) => Ok(AnswerStart::Newest),
     }
 }
 

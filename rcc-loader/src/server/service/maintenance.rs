@@ -19,16 +19,16 @@ const UNCLAIMED_AGE_MIN: Duration = Duration::from_secs(15);
 /// Commands that are `loading` and that nobody loads, of one incarnation of the executor, with the time since when that
 /// is known.
 #[derive(Debug, Default)]
-pub(super) struct Unclaimed {
+pub(super) struct UnclaimedCommands {
     executor: u64,
     since: BTreeMap<u64, Instant>,
 }
 
-impl Unclaimed {
+impl UnclaimedCommands {
     /// Takes the commands of this pass; returns those that have been unclaimed for `age_min`.
     fn observe(&mut self, executor: u64, ids: &[u64], age_min: Duration) -> Vec<u64> {
         if self.executor != executor {
-            *self = Unclaimed {
+            *self = UnclaimedCommands {
                 executor,
                 since: BTreeMap::new(),
             };

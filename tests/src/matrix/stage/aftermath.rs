@@ -11,7 +11,7 @@ use super::programs::swap_outputs;
 use crate::census::Census;
 use crate::lateness::LatenessMonitor;
 use crate::matrix::scene::Scene;
-use crate::matrix::{Case, Phase, Target, Way};
+use crate::matrix::{Case, Disturbance, Phase, Target};
 use crate::simulator::{Simulator, assert_within_limits};
 use crate::{await_some, nets};
 
@@ -107,7 +107,7 @@ impl Stage {
             let Some((role, label)) = struck.target.announced_as() else {
                 continue;
             };
-            if case.way == Way::Stop && case.phase != Phase::Starting {
+            if case.disturbance == Disturbance::Stop && case.phase != Phase::Starting {
                 assert_eq!(
                     self.cell.announced(role, label).incarnation,
                     struck.incarnation,
@@ -116,7 +116,7 @@ impl Stage {
                 continue;
             }
             self.cell.await_successor(role, label, struck.incarnation);
-            if case.way != Way::Stop {
+            if case.disturbance != Disturbance::Stop {
                 // A process that was hit while starting may have announced itself before it died.
                 await_some("another process", || {
                     let announced = self.cell.cell().announced(role, label).ok().flatten()?;

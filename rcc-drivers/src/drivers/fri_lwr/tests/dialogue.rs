@@ -6,7 +6,7 @@ use rcc_core::primitive::ChannelKind;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::drivers::fri_lwr::plausibility::Doubt;
+use crate::drivers::fri_lwr::plausibility::Implausibility;
 use crate::sim::arm::impedance::ControlLaw;
 use crate::sim::lwr::settings::KrlProgram;
 
@@ -112,36 +112,39 @@ fn a_sample_time_that_varies_around_its_mean_does_not_disturb_command_mode() {
 fn a_doubt_is_told_by_its_cause() {
     let good = measurement(6);
     let rows = [
-        (MeasurementDatagram { power: 0, ..good }, Doubt::Power),
+        (
+            MeasurementDatagram { power: 0, ..good },
+            Implausibility::Power,
+        ),
         (
             MeasurementDatagram {
                 state: SessionState::Monitor,
                 ..good
             },
-            Doubt::State,
+            Implausibility::State,
         ),
         (
             MeasurementDatagram {
                 measurement_period: 0.0013,
                 ..good
             },
-            Doubt::Period,
+            Implausibility::Period,
         ),
         (
             MeasurementDatagram {
                 send_sequence: 40,
                 ..good
             },
-            Doubt::Gap,
+            Implausibility::Gap,
         ),
     ];
-    for (doubtful, doubt) in rows {
+    for (doubtful, implausibility) in rows {
         let mut session = commanding();
-        assert_eq!(session.doubt(), None);
+        assert_eq!(session.implausibility(), None);
         assert!(!session.accept(&doubtful.encode()));
-        assert_eq!(session.doubt(), Some(doubt));
+        assert_eq!(session.implausibility(), Some(implausibility));
         assert!(session.accept(&measurement(7).encode()));
-        assert_eq!(session.doubt(), None);
+        assert_eq!(session.implausibility(), None);
     }
 }
 

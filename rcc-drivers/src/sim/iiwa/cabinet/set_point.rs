@@ -16,7 +16,7 @@ const STALL_PERIODS_MAX: u64 = 50;
 
 /// Outcome of a cycle in which an answer may have been due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Due {
+pub(super) enum DueAnswer {
     /// It came.
     Answer,
     /// It was due and did not come.
@@ -72,7 +72,7 @@ impl Cabinet {
     pub(super) fn move_set_point(
         &mut self,
         command: Option<&Command>,
-        due: Due,
+        due: DueAnswer,
         periods: u64,
     ) -> u64 {
         match self.motion {
@@ -94,7 +94,7 @@ impl Cabinet {
             Motion::Follow(commands) => {
                 if let Err(fault) = self.follow_or_bridge(commands, command, due) {
                     self.fail(fault);
-                    self.move_set_point(None, Due::Nothing, 1);
+                    self.move_set_point(None, DueAnswer::Nothing, 1);
                 }
                 1
             }
@@ -118,16 +118,16 @@ impl Cabinet {
         &mut self,
         mut progress: Synchronisation,
         command: Option<&Command>,
-        due: Due,
+        due: DueAnswer,
     ) -> Result<(), CabinetFault> {
         match (due, command) {
-            (Due::Answer, Some(command)) => {
+            (DueAnswer::Answer, Some(command)) => {
                 self.check_mirrored(command)?;
                 self.check_presence(command)?;
                 progress.answers += 1;
                 progress.missed_in_a_row = 0;
             }
-            (Due::Miss, _) => {
+            (DueAnswer::Miss, _) => {
                 progress.missed_in_a_row += 1;
                 self.check_misses(progress.missed_in_a_row)?;
             }
@@ -160,10 +160,10 @@ impl Cabinet {
         &mut self,
         mut commands: FollowedCommands,
         command: Option<&Command>,
-        due: Due,
+        due: DueAnswer,
     ) -> Result<(), CabinetFault> {
         match (due, command) {
-            (Due::Answer, Some(command)) => {
+            (DueAnswer::Answer, Some(command)) => {
                 if !commands.mirror_checked {
                     self.check_mirrored(command)?;
                 }
@@ -180,7 +180,7 @@ impl Cabinet {
             }
             (due, _) => {
                 commands.stream.extrapolate(self.settings.period_s());
-                if due == Due::Miss {
+                if due == DueAnswer::Miss {
                     commands.missed_in_a_row += 1;
                     self.motion = Motion::Follow(commands);
                     self.check_misses(commands.missed_in_a_row)?;

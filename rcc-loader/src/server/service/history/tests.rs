@@ -35,8 +35,8 @@ fn monitor(primitive: &str, source: &str) -> MonitorNames {
 }
 
 /// Returns a history of records with these numbers, of two monitors in turns.
-fn kept(numbers: impl IntoIterator<Item = u64>) -> Kept {
-    let mut kept = Kept::default();
+fn kept(numbers: impl IntoIterator<Item = u64>) -> RetainedRecords {
+    let mut kept = RetainedRecords::default();
     let records = numbers
         .into_iter()
         .map(|number| record(number, number as u32 % 2));
@@ -61,7 +61,7 @@ fn numbers(page: &HistoryPage) -> Vec<u64> {
 }
 
 /// Returns where the next page begins.
-fn after(page: &HistoryPage) -> Begin {
+fn after(page: &HistoryPage) -> AnswerStart {
     let request = HistoryRequest {
         after: Some(page.next.clone()),
         ..HistoryRequest::default()
@@ -72,7 +72,7 @@ fn after(page: &HistoryPage) -> Begin {
 #[test]
 fn a_client_that_asks_for_what_follows_misses_nothing() {
     let mut history = kept(0..20);
-    let newest = history.page(Begin::Newest, &[], 4);
+    let newest = history.page(AnswerStart::Newest, &[], 4);
     assert_eq!(
         (numbers(&newest), newest.continues),
         (vec![16, 17, 18, 19], true)
@@ -89,7 +89,7 @@ fn a_client_that_asks_for_what_follows_misses_nothing() {
 #[test]
 fn a_client_that_begins_now_sees_only_what_follows() {
     let mut history = kept(0..20);
-    let now = history.page(Begin::Newest, &[], 0);
+    let now = history.page(AnswerStart::Newest, &[], 0);
     assert_eq!((numbers(&now), now.continues), (vec![], true));
     history.add(EXECUTOR, &[record(20, 0)]);
     assert_eq!(numbers(&history.page(after(&now), &[], 10)), [20]);
@@ -98,20 +98,20 @@ fn a_client_that_begins_now_sees_only_what_follows() {
 #[test]
 fn ports_and_monitors_are_selected_by_patterns_and_null_is_null() {
     let history = kept(0..6);
-    let page = history.page(Begin::Newest, &patterns(&["line/move.*"]), 10);
+    let page = history.page(AnswerStart::Newest, &patterns(&["line/move.*"]), 10);
     assert_eq!(numbers(&page), [0, 2, 4]);
     let MonitoredValue { name, value, .. } = &page.values[1];
     assert_eq!(
         (name.as_str(), value),
         ("line/move.pose", &serde_json::json!([2.0, null]))
     );
-    let element = history.page(Begin::Newest, &patterns(&["*/other[0]"]), 1);
+    let element = history.page(AnswerStart::Newest, &patterns(&["*/other[0]"]), 1);
     let MonitoredValue { name, value, .. } = &element.values[0];
     assert_eq!(
         (name.as_str(), value),
         ("line/ik.joints[0]", &serde_json::json!(5.0))
     );
-    let missing = history.page(Begin::Newest, &patterns(&["line/move.pose[2]"]), 10);
+    let missing = history.page(AnswerStart::Newest, &patterns(&["line/move.pose[2]"]), 10);
     assert!(missing.values.is_empty());
 }
 
@@ -129,19 +129,19 @@ fn the_last_seconds_are_counted_from_the_newest_record() {
 #[test]
 fn lost_records_are_counted_and_a_lost_position_is_told() {
     let history = kept((0..5).chain(8..10));
-    let page = history.page(Begin::After(EXECUTOR, 3), &[], 100);
+    let page = history.page(AnswerStart::After(EXECUTOR, 3), &[], 100);
     assert_eq!(
         (numbers(&page), page.lost, page.continues),
         (vec![3, 4, 8, 9], 3, true)
     );
-    let other = history.page(Begin::After(EXECUTOR + 1, 3), &[], 1);
+    let other = history.page(AnswerStart::After(EXECUTOR + 1, 3), &[], 1);
     assert_eq!((numbers(&other), other.continues), (vec![0], false));
     let count = RECORDS_MAX as u64 + 10;
     let full = kept(0..count);
     assert_eq!(full.records.len(), RECORDS_MAX);
-    let page = full.page(Begin::After(EXECUTOR, 3), &[], 1);
+    let page = full.page(AnswerStart::After(EXECUTOR, 3), &[], 1);
     assert_eq!((numbers(&page), page.continues), (vec![10], false));
-    let future = full.page(Begin::After(EXECUTOR, count + 1), &[], 1);
+    let future = full.page(AnswerStart::After(EXECUTOR, count + 1), &[], 1);
     assert!(!future.continues);
 }
 
@@ -149,7 +149,7 @@ fn lost_records_are_counted_and_a_lost_position_is_told() {
 fn records_of_another_executor_replace_those_before() {
     let mut history = kept(0..5);
     history.add(EXECUTOR + 1, &[record(0, 0)]);
-    let page = history.page(Begin::Newest, &[], 100);
+    let page = history.page(AnswerStart::Newest, &[], 100);
     assert_eq!(numbers(&page), [0]);
     assert_eq!(
         page.values[0].name, "#7/monitor0",

@@ -3,7 +3,7 @@
 use super::*;
 use crate::server::live;
 use crate::server::peer::ClientPeer;
-use crate::server::shares::{ShareLimits, Shares};
+use crate::server::quota::{Quota, QuotaLimits};
 use http_body_util::BodyExt;
 use rcc_api::streams::StreamValues;
 
@@ -72,13 +72,13 @@ fn states_and_monitors_are_looked_at_as_often_as_the_rate_says() {
 
 #[test]
 fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
-    let limits = ShareLimits {
+    let limits = QuotaLimits {
         all: 1,
         of_peer: 1,
         reserve: 0,
         small: 0,
     };
-    let place = Shares::new(limits).take(ClientPeer::Process(1), 1);
+    let place = Quota::new(limits).take(ClientPeer::Process(1), 1);
     let (client, response) = live::answer("text/event-stream", place.expect("a place"));
     let mut stream = EventStream {
         subscriptions: Vec::new(),

@@ -8,7 +8,7 @@ use super::peer::ClientPeer;
 
 /// Limits of a resource: in total, per peer, and the reserve; in pieces or bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ShareLimits {
+pub struct QuotaLimits {
     /// All together, without the reserve.
     pub all: usize,
     /// Of one peer.
@@ -19,7 +19,7 @@ pub struct ShareLimits {
     pub small: usize,
 }
 
-impl ShareLimits {
+impl QuotaLimits {
     /// Everything that may be in use at a time.
     #[must_use]
     pub const fn most(self) -> usize {
@@ -29,8 +29,8 @@ impl ShareLimits {
 
 /// Use of a limited resource.
 #[derive(Debug)]
-pub struct Shares {
-    limits: ShareLimits,
+pub struct Quota {
+    limits: QuotaLimits,
     used: Mutex<Used>,
 }
 
@@ -40,11 +40,11 @@ struct Used {
     of_peers: HashMap<ClientPeer, usize>,
 }
 
-impl Shares {
+impl Quota {
     /// Creates shares of which none is taken.
     #[must_use]
-    pub fn new(limits: ShareLimits) -> Arc<Shares> {
-        Arc::new(Shares {
+    pub fn new(limits: QuotaLimits) -> Arc<Quota> {
+        Arc::new(Quota {
             limits,
             used: Mutex::default(),
         })
@@ -52,14 +52,14 @@ impl Shares {
 
     /// Returns the limits.
     #[must_use]
-    pub fn limits(&self) -> ShareLimits {
+    pub fn limits(&self) -> QuotaLimits {
         self.limits
     }
 
     /// Takes a share for a peer; `None` if too much is used.
     #[must_use]
-    pub fn take(self: &Arc<Shares>, peer: ClientPeer, amount: usize) -> Option<Share> {
-        let mut share = Share {
+    pub fn take(self: &Arc<Quota>, peer: ClientPeer, amount: usize) -> Option<QuotaPermit> {
+        let mut share = QuotaPermit {
             shares: Arc::clone(self),
             peer,
             amount: 0,
@@ -75,13 +75,13 @@ impl Shares {
 
 /// A share, until it is dropped.
 #[derive(Debug)]
-pub struct Share {
-    shares: Arc<Shares>,
+pub struct QuotaPermit {
+    shares: Arc<Quota>,
     peer: ClientPeer,
     amount: usize,
 }
 
-impl Share {
+impl QuotaPermit {
     /// Takes more; returns false, and takes nothing, if too much is used.
     #[must_use]
     pub fn grow(&mut self, more: usize) -> bool {
@@ -106,7 +106,7 @@ impl Share {
     }
 }
 
-impl Drop for Share {
+impl Drop for QuotaPermit {
     fn drop(&mut self) {
         let mut used = self.shares.used();
         used.all -= self.amount;
@@ -122,7 +122,7 @@ impl Drop for Share {
 mod tests {
     use super::*;
 
-    const LIMITS: ShareLimits = ShareLimits {
+    const LIMITS: QuotaLimits = QuotaLimits {
         all: 10,
         of_peer: 6,
         reserve: 4,
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn no_peer_takes_everything_and_others_get_their_share() {
-        let shares = Shares::new(LIMITS);
+        let shares = Quota::new(LIMITS);
         let held: Vec<_> = (0..10).map_while(|_| shares.take(peer(1), 1)).collect();
         assert_eq!(held.len(), LIMITS.of_peer);
         assert!(
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_peer_that_uses_little_is_served_when_others_have_taken_the_rest() {
-        let shares = Shares::new(LIMITS);
+        let shares = Quota::new(LIMITS);
         let _flood = (shares.take(peer(1), 6), shares.take(peer(2), 4));
         assert!(shares.take(peer(2), 1).is_none() && shares.take(peer(3), 3).is_none());
         let mut small = shares.take(peer(3), 1).expect("a share of the reserve");
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn the_reserve_is_limited_too() {
-        let shares = Shares::new(LIMITS);
+        let shares = Quota::new(LIMITS);
         let _flood = (shares.take(peer(1), 6), shares.take(peer(2), 4));
         let held: Vec<_> = (3..100)
             .map_while(|pid| shares.take(peer(pid), 1))

@@ -10,24 +10,24 @@ use super::peer::ClientPeer;
 
 /// The queue of one kind of work.
 #[derive(Debug)]
-pub(super) struct Turns(Mutex<Rotation>);
+pub(super) struct FairQueue(Mutex<Rotation>);
 
 #[derive(Debug)]
 struct Rotation {
     /// Number of pieces that may start now.
     free: usize,
     /// Peers that wait, in the order of their next turns, each with its pieces in the order of arrival.
-    peers: VecDeque<(ClientPeer, VecDeque<oneshot::Sender<Turn>>)>,
+    peers: VecDeque<(ClientPeer, VecDeque<oneshot::Sender<WorkPermit>>)>,
 }
 
 /// Permit for one piece of work; when it is dropped, the next piece may start.
 #[derive(Debug)]
-pub(super) struct Turn(Arc<Turns>);
+pub(super) struct WorkPermit(Arc<FairQueue>);
 
-impl Turns {
+impl FairQueue {
     /// Creates a queue for this many pieces at a time.
-    pub fn new(at_a_time: usize) -> Arc<Turns> {
-        Arc::new(Turns(Mutex::new(Rotation {
+    pub fn new(at_a_time: usize) -> Arc<FairQueue> {
+        Arc::new(FairQueue(Mutex::new(Rotation {
             free: at_a_time,
             peers: VecDeque::new(),
         })))
@@ -39,12 +39,12 @@ impl Turns {
     }
 
     /// Waits for the peer's turn.
-    pub async fn take(self: &Arc<Turns>, peer: ClientPeer) -> Turn {
+    pub async fn take(self: &Arc<FairQueue>, peer: ClientPeer) -> WorkPermit {
         let turn = {
             let mut rotation = self.rotation();
             if rotation.free > 0 {
                 rotation.free -= 1;
-                return Turn(Arc::clone(self));
+                return WorkPermit(Arc::clone(self));
             }
             rotation.wait(peer)
         };
@@ -57,7 +57,7 @@ impl Turns {
 }
 
 impl Rotation {
-    fn wait(&mut self, peer: ClientPeer) -> oneshot::Receiver<Turn> {
+    fn wait(&mut self, peer: ClientPeer) -> oneshot::Receiver<WorkPermit> {
         let (sender, turn) = oneshot::channel();
         match self.peers.iter_mut().find(|(other, _)| *other == peer) {
             Some((_, pieces)) => pieces.push_back(sender),
@@ -66,7 +66,7 @@ impl Rotation {
         turn
     }
 
-    fn next(&mut self) -> Option<oneshot::Sender<Turn>> {
+    fn next(&mut self) -> Option<oneshot::Sender<WorkPermit>> {
         let (peer, mut pieces) = self.peers.pop_front()?;
         let next = pieces.pop_front();
         if !pieces.is_empty() {
@@ -76,7 +76,7 @@ impl Rotation {
     }
 }
 
-impl Drop for Turn {
+impl Drop for WorkPermit {
     /// Passes the turn on. A receiver that is gone drops the turn that was sent to it, which passes it on again.
     fn drop(&mut self) {
         let next = {
@@ -87,7 +87,7 @@ impl Drop for Turn {
         };
         if let Some(next) = next {
             // A turn that could not be sent is dropped here.
-            drop(next.send(Turn(Arc::clone(&self.0))));
+            drop(next.send(WorkPermit(Arc::clone(&self.0))));
         }
     }
 }
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn peers_take_turns_in_rotation_and_each_in_the_order_of_arrival() {
-        let turns = Turns::new(1);
+        let turns = FairQueue::new(1);
         let mut context = Context::from_waker(Waker::noop());
         let wishes = [1, 1, 1, 1, 2, 3, 2];
         let mut waiting: Vec<_> = wishes
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn as_many_pieces_as_there_are_turns_are_done_at_a_time() {
-        let turns = Turns::new(2);
+        let turns = FairQueue::new(2);
         let mut context = Context::from_waker(Waker::noop());
         let mut take = |pid| Box::pin(turns.take(peer(pid))).as_mut().poll(&mut context);
         let (first, second) = (take(1), take(1));
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn a_piece_that_is_given_up_passes_its_turn_on() {
-        let turns = Turns::new(1);
+        let turns = FairQueue::new(1);
         let mut context = Context::from_waker(Waker::noop());
         let Poll::Ready(first) = pin!(turns.take(peer(1))).poll(&mut context) else {
             panic!("the turn is free");

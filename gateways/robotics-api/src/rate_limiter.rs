@@ -11,12 +11,12 @@ const BURST: u32 = 200;
 
 /// The rate limiter.
 #[derive(Debug, Default)]
-pub struct Pace {
+pub struct RateLimiter {
     /// Time at which the next request would be due without a burst.
     next: Mutex<Option<Instant>>,
 }
 
-impl Pace {
+impl RateLimiter {
     /// Waits until a request may be sent.
     pub fn wait(&self) {
         let due = {
