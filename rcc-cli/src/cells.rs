@@ -149,7 +149,7 @@ fn list(cells: &[MachineCell]) -> String {
     let mut words: Vec<String> = cells
         .iter()
         .take(LISTED_MAX)
-        .map(MachineCell::words)
+        .map(MachineCell::describe)
         .collect();
     if let Some(more) = cells.len().checked_sub(LISTED_MAX).filter(|more| *more > 0) {
         words.push(format!("and {more} more"));

@@ -37,7 +37,7 @@ impl ResultTarget {
             None => print_file(text),
             Some(path) => {
                 std::fs::write(path, text).map_err(|error| not_written(path, &error))?;
-                context.print(&WrittenFile::of(path)?, WrittenFile::words);
+                context.print(&WrittenFile::of(path)?, WrittenFile::describe);
             }
         }
         Ok(())

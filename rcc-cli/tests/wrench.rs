@@ -347,11 +347,11 @@ fn run(readings: &[Reading]) -> (i32, String, String) {
         .env("NO_COLOR", "1")
         .output();
     let output = output.expect("rcc-cli runs");
-    let words = |bytes| String::from_utf8(bytes).expect("text");
+    let text = |bytes| String::from_utf8(bytes).expect("text");
     (
         output.status.code().expect("a code"),
-        output_text(output.stdout),
-        output_text(output.stderr),
+        text(output.stdout),
+        text(output.stderr),
     )
 }
 

@@ -46,7 +46,7 @@ fn in_small_shared_memory(test: &str) {
         .env(SMALL, "1")
         .output()
         .unwrap();
-    let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let output_text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let (out, err) = (output_text(&output.stdout), output_text(&output.stderr));
     assert!(output.status.success(), "{out}{err}");
     assert!(out.contains("1 passed"), "{out}{err}");

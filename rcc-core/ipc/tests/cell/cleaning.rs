@@ -8,12 +8,12 @@ fn a_living_cell_is_not_wiped_and_its_process_is_named() {
     let (peer, announcement) = Peer::announced(&cell, "announced", "lwr");
     let before = cell.files();
     let error = refused(clean::wipe(&cell));
-    let words = error.to_string();
+    let output_text = error.to_string();
     assert!(
         matches!(error, WipeError::Living { pid, .. } if pid == announcement.pid),
-        "{words}"
+        "{output_text}"
     );
-    assert!(words.contains("driver `lwr`"), "{words}");
+    assert!(output_text.contains("driver `lwr`"), "{output_text}");
     assert_eq!(cell.files(), before);
     peer.kill();
     let report = clean::wipe(&cell).unwrap();
@@ -165,7 +165,7 @@ fn the_janitor_program_reports_by_its_exit_code() {
             .output()
             .unwrap()
     };
-    let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let output_text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert_eq!(janitor(&["--cell"]).status.code(), Some(2));
     assert_eq!(janitor(&["--cell", "Bad"]).status.code(), Some(1));
     assert_eq!(janitor(&["--cell", "test"]).status.code(), Some(0));
