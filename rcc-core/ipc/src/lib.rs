@@ -25,6 +25,7 @@ pub mod cell;
 pub mod clean;
 pub mod commands;
 pub mod events;
+mod failed_connections;
 pub mod lock;
 pub mod ownership;
 mod prefix;

@@ -5,21 +5,24 @@
 
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
+use iceoryx2::port::SendError;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy as Backpressure;
 use iceoryx2::port::client::{Client as IoxClient, RequestSendError};
 use iceoryx2::port::server::Server as IoxServer;
-use iceoryx2::port::{DegradationAction, SendError};
 use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::PortFactory as _;
+use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 use rcc_os::process_instance::ProcessInstance;
 use rcc_protocol::control::{REQUEST_MAX, RESPONSE_MAX};
 
+use crate::failed_connections::FailedConnections;
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shm_space::{self, OutOfSharedMemory};
 use crate::spill_file::{self, SpillError, SpillFile};
@@ -174,6 +177,8 @@ pub enum CallError {
 /// Receives requests of several clients.
 pub struct Server {
     server: IoxServer<Service, [u8], (), [u8], ()>,
+    factory: Factory,
+    failed: FailedConnections,
     wake: WakeReceiver,
     service: String,
     folder: PathBuf,
@@ -193,6 +198,10 @@ impl Server {
     /// Returns an error if a request is invalid or if iceoryx2 fails. The server stays usable: log the error and
     /// continue.
     pub fn poll(&self) -> Result<Option<Request>, PollError> {
+        if self.failed.take_due() {
+            // A client that comes and goes changes the list of clients, for which `receive` connects to all of them.
+            drop(self.factory.client_builder().create());
+        }
         let received = self.server.receive().map_err(|error| PollError::Failed {
             service: self.service.clone(),
             cause: IceoryxError::of(error),
@@ -294,8 +303,9 @@ impl Request {
 
 /// Sends requests to one server.
 pub struct Client {
-    client: IoxClient<Service, [u8], (), [u8], ()>,
+    client: Mutex<Port>,
     factory: Factory,
+    failed: FailedConnections,
     wake: Option<WakeSender>,
     service: String,
     folder: PathBuf,
@@ -364,6 +374,11 @@ impl Client {
             .is_some_and(|instance| instance.liveness().is_dead())
     }
 
+    fn port(&self) -> MutexGuard<'_, Port> {
+        // Only whole ports are stored.
+        self.client.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn send(&self, request: &[u8]) -> Result<(Pending, Option<SpillFile>), CallError> {
         let size = request.len();
         if size > REQUEST_MAX {
@@ -384,8 +399,12 @@ impl Client {
             let (message, file) = SpillFile::create(&self.folder, request)?;
             (message, Some(file))
         };
+        if self.failed.take_due() {
+            let port = port(&self.factory, &self.failed).map_err(|error| self.failed(error))?;
+            *self.port() = port;
+        }
         let loan = self
-            .client
+            .port()
             .loan_slice_uninit(message.len())
             .map_err(|error| self.failed(error))?;
         let pending = loan
@@ -446,6 +465,18 @@ impl Client {
 }
 
 type Factory = PortFactory<Service, [u8], (), [u8], ()>;
+type Port = IoxClient<Service, [u8], (), [u8], ()>;
+/// Creates the port of a client.
+fn port(factory: &Factory, failed: &FailedConnections) -> Result<Port, ClientCreateError> {
+    factory
+        .client_builder()
+        .initial_max_slice_len(MESSAGE_MAX)
+        .backpressure_strategy(Backpressure::DiscardData)
+        .set_request_degradation_handler(failed.handler())
+        .set_response_degradation_handler(failed.handler())
+        .create()
+}
+
 type Pending = PendingResponse<Service, [u8], (), [u8], ()>;
 
 impl Session {
@@ -482,15 +513,15 @@ impl Session {
             .enable_fire_and_forget_requests(false)
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
+        let failed_connections = FailedConnections::default();
         let server = factory
             .server_builder()
             .initial_max_slice_len(RESPONSE_MAX)
             .override_response_preallocation(|_| ANSWERS_MAX)
             .max_loaned_responses_per_request(1)
             .backpressure_strategy(Backpressure::DiscardData)
-            // A client that died half-way must not cut off the others.
-            .set_request_degradation_handler(|_, _| DegradationAction::Ignore)
-            .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
+            .set_request_degradation_handler(failed_connections.handler())
+            .set_response_degradation_handler(failed_connections.handler())
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
         let folder = self.cell().iox_root();
@@ -501,6 +532,8 @@ impl Session {
         })?;
         Ok(Server {
             server,
+            factory,
+            failed: failed_connections,
             wake,
             service,
             folder,
@@ -533,16 +566,14 @@ impl Session {
                 },
                 other => failed(IceoryxError::of(other)),
             })?;
-        let client = factory
-            .client_builder()
-            .initial_max_slice_len(MESSAGE_MAX)
-            .backpressure_strategy(Backpressure::DiscardData)
-            .create()
-            .map_err(|error| failed(IceoryxError::of(error)))?;
+        let failed_connections = FailedConnections::default();
+        let client =
+            port(&factory, &failed_connections).map_err(|error| failed(IceoryxError::of(error)))?;
         let folder = self.cell().iox_root();
         Ok(Client {
-            client,
+            client: Mutex::new(client),
             factory,
+            failed: failed_connections,
             // Without it the server finds the request when it polls.
             wake: WakeSender::connect(&folder, service).ok(),
             service: service.to_owned(),

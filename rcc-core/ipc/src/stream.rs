@@ -5,13 +5,14 @@ use std::fmt;
 use std::marker::PhantomData;
 
 use bytemuck::Pod;
-use iceoryx2::port::DegradationAction;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy as Backpressure;
 use iceoryx2::port::publisher::Publisher as IoxPublisher;
 use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
 use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use crate::failed_connections::FailedConnections;
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 use crate::shm_space::{self, OutOfSharedMemory};
@@ -89,6 +90,8 @@ pub enum StreamError {
 /// The sending end of a stream.
 pub struct Publisher<T: Pod> {
     publisher: IoxPublisher<Service, [Shared<T>], ()>,
+    factory: Factory<T>,
+    failed: FailedConnections,
     service: String,
     _membership: Membership,
 }
@@ -106,6 +109,10 @@ impl<T: Pod> Publisher<T> {
     /// # Errors
     /// Returns an error if iceoryx2 fails; earlier batches were sent.
     pub fn publish(&mut self, records: &[T]) -> Result<(), StreamError> {
+        if self.failed.take_due() {
+            // A subscriber that comes and goes changes the list of subscribers, for which `send` connects to all of them.
+            drop(self.factory.subscriber_builder().create());
+        }
         for batch in records.chunks(batch_records_max::<T>()) {
             let loan = self
                 .publisher
@@ -134,7 +141,9 @@ impl<T: Pod> Publisher<T> {
 
 /// The receiving end of a stream; it gets records that are published after it subscribed.
 pub struct Subscriber<T: Pod> {
-    subscriber: IoxSubscriber<Service, [Shared<T>], ()>,
+    subscriber: Port<T>,
+    factory: Factory<T>,
+    failed: FailedConnections,
     service: String,
     _membership: Membership,
     _record: PhantomData<T>,
@@ -166,6 +175,10 @@ impl<T: Pod> Subscriber<T> {
             service: self.service.clone(),
             cause,
         };
+        if self.failed.take_due() {
+            self.subscriber = port(&self.factory, &self.failed)
+                .map_err(|error| failed(IceoryxError::of(error)))?;
+        }
         let received = self
             .subscriber
             .receive()
@@ -195,6 +208,21 @@ impl<T: Pod> Subscriber<T> {
     pub fn publisher_is_dead(&self) -> bool {
         owner_of(&self.service).is_some_and(|instance| instance.liveness().is_dead())
     }
+}
+
+type Factory<T> = PortFactory<Service, [Shared<T>], ()>;
+type Port<T> = IoxSubscriber<Service, [Shared<T>], ()>;
+
+/// Creates the port of a subscriber.
+fn port<T: Pod>(
+    factory: &Factory<T>,
+    failed: &FailedConnections,
+) -> Result<Port<T>, SubscriberCreateError> {
+    factory
+        .subscriber_builder()
+        .buffer_size(BATCHES_MAX)
+        .set_degradation_handler(failed.handler())
+        .create()
 }
 
 impl Session {
@@ -228,17 +256,19 @@ impl Session {
             .enable_safe_overflow(true)
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
+        let failed_connections = FailedConnections::default();
         let publisher = factory
             .publisher_builder()
             .initial_max_slice_len(batch_records_max::<T>())
             .max_loaned_samples(1)
             .backpressure_strategy(Backpressure::DiscardData)
-            // A subscriber that died half-way must not cut off the others.
-            .set_degradation_handler(|_, _| DegradationAction::Ignore)
+            .set_degradation_handler(failed_connections.handler())
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
         Ok(Publisher {
             publisher,
+            factory,
+            failed: failed_connections,
             service,
             _membership: self.membership(),
         })
@@ -277,16 +307,15 @@ impl Session {
                 },
                 other => failed(IceoryxError::of(other)),
             })?;
-        let subscriber = factory
-            .subscriber_builder()
-            .buffer_size(BATCHES_MAX)
-            .create()
-            .map_err(|error| match error {
-                SubscriberCreateError::ExceedsMaxSupportedSubscribers => full(),
-                other => failed(IceoryxError::of(other)),
-            })?;
+        let failed_connections = FailedConnections::default();
+        let subscriber = port(&factory, &failed_connections).map_err(|error| match error {
+            SubscriberCreateError::ExceedsMaxSupportedSubscribers => full(),
+            other => failed(IceoryxError::of(other)),
+        })?;
         Ok(Subscriber {
             subscriber,
+            factory,
+            failed: failed_connections,
             service: service.to_owned(),
             _membership: self.membership(),
             _record: PhantomData,

@@ -172,11 +172,15 @@ impl Service {
     }
 }
 
-/// Returns the interval at which states, events and monitored values are looked at.
+/// Returns the interval at which states, events and monitored values are looked at. A client that asks for states waits
+/// for an outcome, and its next net starts by this interval later.
 fn look_every(request: &StreamRequest) -> Duration {
-    match request.states || !request.monitors.is_empty() {
-        true => Duration::from_secs_f64(1.0 / request.rate).clamp(LOOK_EVERY_MIN, LOOK_EVERY),
-        false => LOOK_EVERY,
+    match (request.monitors.is_empty(), request.states) {
+        (true, true) => LOOK_EVERY_MIN,
+        (true, false) => LOOK_EVERY,
+        (false, _) => {
+            Duration::from_secs_f64(1.0 / request.rate).clamp(LOOK_EVERY_MIN, LOOK_EVERY)
+        }
     }
 }
 

@@ -63,8 +63,9 @@ fn states_and_monitors_are_looked_at_as_often_as_the_rate_says() {
         };
         look_every(&request).as_millis()
     };
-    assert_eq!(every(true, &[], 10.0), 20, "at least 50 times a second");
-    assert_eq!(every(true, &[], 100.0), 10);
+    assert_eq!(every(true, &[], 10.0), 4, "a client waits for a state");
+    assert_eq!(every(true, &["*"], 10.0), 20, "at least 50 times a second");
+    assert_eq!(every(true, &["*"], 100.0), 10);
     assert_eq!(every(false, &["*"], 250.0), 4);
     assert_eq!(every(false, &["*"], 1000.0), 4, "at most 250 times");
     assert_eq!(every(false, &[], 1000.0), 20, "ports have their own rate");
