@@ -145,7 +145,7 @@ fn command_simulator(
     }
 }
 
-pub(super) fn unknown(config: &CellConfig, target: &str) -> Failure {
+fn unknown(config: &CellConfig, target: &str) -> Failure {
     let devices: Vec<&str> = config.devices.iter().map(|one| one.name.as_str()).collect();
     Failure::new(
         codes::BAD_REQUEST,

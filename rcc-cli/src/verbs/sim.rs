@@ -3,13 +3,13 @@
 
 use rcc_api::codes;
 use rcc_config::device::{is_output, kind_name};
-use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_config::{CellConfig, ChannelConfig, DeviceConfig};
 use rcc_core::primitive::ChannelKind;
 use rcc_ipc::Cell;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::fault::{control_of, not_simulated, unknown};
+use super::fault::{control_of, not_simulated};
 use crate::cells;
 use crate::context::{Context, cell_failure};
 use crate::demo::simulator::SimulatorClient;
@@ -56,6 +56,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let Some((_, device)) = config.device(target) else {
         return Err(unknown(&config, target));
     };
+    if device.channels.is_empty() {
+        return Err(no_channels(&config, target));
+    }
     let path = control_of(&cell, &config, target).ok_or_else(|| not_simulated(target))?;
     let commands: Result<Vec<Value>, Failure> = arguments
         .inputs
@@ -90,6 +93,37 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         .collect();
     context.print(&channels, |channels| human(channels));
     Ok(())
+}
+
+fn unknown(config: &CellConfig, target: &str) -> Failure {
+    Failure::new(
+        codes::BAD_REQUEST,
+        format!("unknown device `{target}`"),
+        format!("devices with channels: {}", with_channels(config)),
+    )
+}
+
+fn no_channels(config: &CellConfig, target: &str) -> Failure {
+    Failure::new(
+        codes::BAD_REQUEST,
+        format!("{target} has no channels: there is no input to set"),
+        format!(
+            "devices with channels: {}; `rcc-cli fault {target}` disturbs its connection",
+            with_channels(config)
+        ),
+    )
+}
+
+fn with_channels(config: &CellConfig) -> String {
+    let devices = config.devices.iter();
+    let names: Vec<&str> = devices
+        .filter(|device| !device.channels.is_empty())
+        .map(|device| device.name.as_str())
+        .collect();
+    match names.is_empty() {
+        true => "none in this cell".to_owned(),
+        false => names.join(", "),
+    }
 }
 
 fn is_digital(channel: &ChannelConfig) -> bool {

@@ -31,7 +31,24 @@ fn first_link(text: &str) -> Option<(usize, usize)> {
 
 type Mistake = (&'static str, fn(&str) -> Option<String>);
 
-const MISTAKES: [Mistake; 6] = [
+/// The lines of the first entry of a primitive of this type, as a range; entries begin with two spaces.
+fn entry(text: &str, ty: &str) -> Option<(usize, usize)> {
+    let at = text.find(&format!("{{type: {ty}"))?;
+    let start = text[..at].rfind('\n')? + 1;
+    let is_entry = text[start..].starts_with("  ") && !text[start..].starts_with("   ");
+    let next = |line: &str| !line.starts_with("   ");
+    let mut end = start + text[start..].find('\n')? + 1;
+    while text[end..]
+        .lines()
+        .next()
+        .is_some_and(|line| !line.is_empty() && !next(line))
+    {
+        end += text[end..].find('\n')? + 1;
+    }
+    is_entry.then_some((start, end))
+}
+
+const MISTAKES: [Mistake; 8] = [
     ("unknown type", |text| misspelled(text, "{type: ", is_name)),
     ("unknown input", |text| {
         misspelled(text, "inputs: {", is_name)
@@ -51,6 +68,23 @@ const MISTAKES: [Mistake; 6] = [
         let (start, end) = first_link(text)?;
         let dot = start + text[start..end].find('.')?;
         Some(format!("{}x{}", &text[..dot], &text[dot..]))
+    }),
+    ("missing Termination", |text| {
+        let (start, end) = entry(text, "Termination")?;
+        Some(format!("{}{}", &text[..start], &text[end..]))
+    }),
+    ("a truth value for a number", |text| {
+        // The constants of an `Input` determine its type: another one changes what all its readers get.
+        let mut parts = text.match_indices(": ").map(|(at, _)| at);
+        let is_number = |at: &usize| {
+            let value = text[at + 2..].starts_with(|c: char| c.is_ascii_digit());
+            let inside = text[..*at].rfind("parameters: {") > text[..*at].rfind('}');
+            let of_input = ["initial", "at_least", "at_most"];
+            value && inside && !of_input.iter().any(|name| text[..*at].ends_with(name))
+        };
+        let start = parts.find(is_number)? + 2;
+        let length = text[start..].find([',', '}'])?;
+        Some(format!("{}true{}", &text[..start], &text[start + length..]))
     }),
 ];
 

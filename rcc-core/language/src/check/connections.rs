@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_core::primitive::Role;
 
 use crate::codes;
 use crate::infer::Typed;
@@ -55,9 +56,12 @@ pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
 /// Requires that one output of each primitive is read, or that all are listed in `discard`: a primitive of which nothing
 /// is read does nothing. Outputs that its spec marks as diagnostic need not be listed.
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    // An input that is not connected, which is reported, may be where an output should be read.
+    // An input that is not connected or a missing Termination, which are reported, may be where an output should be read.
     let mut inputs = net.graph.items.iter().flat_map(|item| &item.inputs);
-    if inputs.any(|source| matches!(source, InputSource::Missing)) {
+    let mut roles = net.graph.items.iter().map(|item| item.spec().role);
+    if inputs.any(|source| matches!(source, InputSource::Missing))
+        || !roles.any(|role| role == Role::Termination)
+    {
         return;
     }
     let (read, used) = (read(net), read_or_discarded(net));

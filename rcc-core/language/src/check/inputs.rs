@@ -9,6 +9,7 @@ use rcc_core::types::Type;
 use crate::codes;
 use crate::infer::{Typed, has_unit};
 use crate::resolve::ResolvedPrimitive;
+use crate::syntax::literal::Literal;
 
 /// Returns each `Input` and `Subscribe` with the type of its value, if that is known.
 fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a ResolvedPrimitive<'a>, Type)> {
@@ -29,7 +30,9 @@ pub fn bounds_are_numeric(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
         let ordered = matches!(ty, Type::Real | Type::Int | Type::Reals(_) | Type::Ints(_));
         let bounds = ["at_least", "at_most"];
         for (name, literal) in bounds.map(|name| (name, item.given(name))) {
-            if let (Some(literal), false) = (literal, ordered) {
+            // A bound that is no value of the type is reported as such.
+            let is_refused = |literal: &&Literal| !ordered && literal.stored(ty).is_some();
+            if let Some(literal) = literal.filter(is_refused) {
                 let message = format!(
                     "`{}.{name}` is a bound of {}, which has no order",
                     item.id(),
