@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rcc_api::bodies::CommandDetail;
 use rcc_api::codes;
+use rcc_client::LeaseHolder;
 use rcc_language::names::Names;
 
 use crate::devices::DeviceSpec;
@@ -18,6 +19,9 @@ use crate::own_cell::OwnCell;
 use crate::pushes::NetState;
 use crate::rate_limiter::RateLimiter;
 use crate::state::{GatewayNet, GatewayState, ReportedValue};
+
+/// Time without a sign of life after which the cell cancels the nets that this gateway started.
+const LOST_AFTER: Duration = Duration::from_secs(2);
 
 /// How the gateway behaves.
 #[derive(Clone, Debug)]
@@ -42,6 +46,7 @@ pub struct Gateway {
     /// Read by whoever loads or starts a net; written while the cell is started again.
     gate: RwLock<()>,
     rate_limiter: Arc<RateLimiter>,
+    lease: Arc<LeaseHolder>,
 }
 
 impl Gateway {
@@ -57,6 +62,7 @@ impl Gateway {
             is_woken: AtomicBool::new(false),
             gate: RwLock::new(()),
             rate_limiter: Arc::default(),
+            lease: Arc::new(LeaseHolder::new(LOST_AFTER)),
         }
     }
 
@@ -69,7 +75,7 @@ impl Gateway {
     /// Returns a client of the cell's loader, for a thread of the gateway's own.
     #[must_use]
     pub fn loader(&self) -> CellClient {
-        CellClient::new(&self.socket)
+        CellClient::new(&self.socket).with_lease(Arc::clone(&self.lease))
     }
 
     /// Locks the state.

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{
     CommandDetail, CommandRef, DeviceView, ErrorBody, Loaded, RuleBody, RulesBody, RulesInstalled,
-    StatusView, Switch, ValuesView,
+    Start, StatusView, Switch, ValuesView,
 };
 use rcc_api::codes;
-use rcc_client::{Lines, LoaderClient, RequestError, segment};
+use rcc_client::{ClientError, LeaseHolder, Lines, LoaderClient, RequestError, segment};
 use serde_json::{Map, Value};
 
 use crate::rate_limiter::RateLimiter;
@@ -41,6 +41,17 @@ impl LoaderError {
     }
 }
 
+/// Returns the refusal in an error of the client.
+fn request_error(error: ClientError) -> RequestError {
+    match error {
+        ClientError::Request(error) => error,
+        other => {
+            let help = "see the log of the cell's loader";
+            RequestError::new(codes::PROCESS_FAILED, other.to_string(), help)
+        }
+    }
+}
+
 /// Returns an error as one sentence with its remedy.
 fn message(body: &ErrorBody) -> String {
     match &body.help {
@@ -57,6 +68,7 @@ pub struct CellClient {
     /// Made at the first request.
     client: Option<LoaderClient>,
     rate_limiter: Option<Arc<RateLimiter>>,
+    lease: Option<Arc<LeaseHolder>>,
 }
 
 impl CellClient {
@@ -67,6 +79,16 @@ impl CellClient {
             socket: socket.to_owned(),
             client: None,
             rate_limiter: None,
+            lease: None,
+        }
+    }
+
+    /// Returns this client with a lease, to which the nets that it starts are bound.
+    #[must_use]
+    pub fn with_lease(self, lease: Arc<LeaseHolder>) -> CellClient {
+        CellClient {
+            lease: Some(lease),
+            ..self
         }
     }
 
@@ -117,12 +139,34 @@ impl CellClient {
     /// # Errors
     /// Returns the loader's refusal.
     pub fn operate(&mut self, command: &str, operation: &str) -> Result<(), LoaderError> {
-        let client = match operation {
-            "start" => self.paced()?,
-            _ => self.client()?,
-        };
         let path = path(command, &format!("/{operation}"));
-        client.post::<Value>(&path, String::new())?;
+        if operation == "start" {
+            return self.begin(&path, |lease| {
+                text(&Start {
+                    lease,
+                    ..Start::default()
+                })
+            });
+        }
+        self.client()?.post::<Value>(&path, String::new())?;
+        Ok(())
+    }
+
+    /// Sends a request that starts commands, which are bound to the lease if there is one.
+    fn begin(
+        &mut self,
+        path: &str,
+        body: impl Fn(Option<u64>) -> String,
+    ) -> Result<(), LoaderError> {
+        let lease = self.lease.clone();
+        let client = self.paced()?;
+        match lease {
+            None => client.post::<Value>(path, body(None)).map(drop)?,
+            Some(lease) => lease
+                .begin::<Value>(client, path, |number| Ok(body(Some(number))))
+                .map(drop)
+                .map_err(request_error)?,
+        }
         Ok(())
     }
 
@@ -132,13 +176,14 @@ impl CellClient {
     /// Returns the loader's refusal; nothing has changed then.
     pub fn switch(&mut self, stop: &[String], start: &[String]) -> Result<(), LoaderError> {
         let named = |names: &[String]| names.iter().cloned().map(CommandRef::Name).collect();
-        let body = Switch {
-            stop: named(stop),
-            start: named(start),
-            ..Switch::default()
-        };
-        self.paced()?.post::<Value>("/switch", text(&body))?;
-        Ok(())
+        self.begin("/switch", |lease| {
+            text(&Switch {
+                stop: named(stop),
+                start: named(start),
+                lease,
+                ..Switch::default()
+            })
+        })
     }
 
     /// Installs a rule that the core judges in every cycle; returns its number.

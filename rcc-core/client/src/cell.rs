@@ -1,7 +1,6 @@
 //! A connection to a cell: its commands, devices and status. Blocks the calling thread.
 
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{
@@ -13,7 +12,7 @@ use serde::de::DeserializeOwned;
 
 use crate::command::{Command, Outcome};
 use crate::error::{ClientError, RequestError};
-use crate::lease::Lease;
+use crate::lease::LeaseHolder;
 use crate::transport::{LoaderClient, RemoteLoader, runtime_folder, segment};
 use crate::watch::Watch;
 
@@ -31,8 +30,7 @@ const LOST_AFTER: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct Cell {
     pub(crate) client: LoaderClient,
-    lost_after: Duration,
-    pub(crate) lease: Mutex<Option<Lease>>,
+    pub(crate) lease: LeaseHolder,
 }
 
 impl Cell {
@@ -79,8 +77,7 @@ impl Cell {
     fn proven(client: LoaderClient) -> Result<Cell, ClientError> {
         let cell = Cell {
             client,
-            lost_after: LOST_AFTER,
-            lease: Mutex::default(),
+            lease: LeaseHolder::new(LOST_AFTER),
         };
         cell.status()?;
         Ok(cell)
@@ -90,7 +87,10 @@ impl Cell {
     /// lost when it gives no sign of life. A thread gives it, not the program's own ones.
     #[must_use]
     pub fn with_lost_after(self, lost_after: Duration) -> Cell {
-        Cell { lost_after, ..self }
+        Cell {
+            lease: LeaseHolder::new(lost_after),
+            ..self
+        }
     }
 
     /// Sends a request that starts commands; `body` is made with the lease to which they are bound, if any.
@@ -103,31 +103,8 @@ impl Cell {
         if on_client_loss == OnClientLoss::GoOn {
             return Ok(self.client.post(path, body(None)?)?);
         }
-        let number = self.lease(None)?;
-        match self.client.post(path, body(Some(number))?) {
-            Err(error) if error.body.code == codes::UNKNOWN_LEASE.code => {}
-            answer => return Ok(answer?),
-        }
-        // The lease expired unnoticed: this program was stopped for a while, or the executor was restarted.
-        let number = self.lease(Some(number))?;
-        Ok(self.client.post(path, body(Some(number))?)?)
-    }
-
-    /// Returns the number of this program's lease; requests one if there is none, or if it is lost or is `expired`.
-    fn lease(&self, expired: Option<u64>) -> Result<u64, ClientError> {
-        let mut held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(lease) = held.as_ref().filter(|lease| Some(lease.number) == expired) {
-            // It must not be ended: the loader has said that it is not there.
-            lease.set_lost();
-        }
-        if held.as_ref().is_some_and(Lease::is_lost) {
-            *held = None;
-        }
-        let lease = match held.take() {
-            Some(lease) => lease,
-            None => Lease::grant(&self.client, self.lost_after)?,
-        };
-        Ok(held.insert(lease).number)
+        self.lease
+            .begin(&self.client, path, |number| body(Some(number)))
     }
 
     /// Returns the executor's health and the cell's processes.

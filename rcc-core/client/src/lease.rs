@@ -1,20 +1,78 @@
 //! A lease: how the cell knows that this program lives. A thread of its own renews it, so that a program that computes or
 //! waits keeps what it runs; the executor counts the time since the last renewal.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rcc_api::bodies::{LeaseBody, LeaseDone, LeaseGranted};
 use rcc_api::codes;
+use serde::de::DeserializeOwned;
 
 use crate::error::{ClientError, RequestError};
 use crate::transport::LoaderClient;
 
 /// Renewals in the time after which a lease expires.
 const RENEWALS: u32 = 5;
+
+/// The lease of a program, which is granted when it is first needed, and again when the cell has forgotten it. Dropping it
+/// is the loss of the client for what it runs.
+#[derive(Debug)]
+pub struct LeaseHolder {
+    lost_after: Duration,
+    lease: Mutex<Option<Lease>>,
+}
+
+impl LeaseHolder {
+    /// Returns a holder without a lease. Without a sign of life for `lost_after`, 50 ms to an hour, the program counts as
+    /// lost; a thread gives it, not the program's own ones.
+    #[must_use]
+    pub fn new(lost_after: Duration) -> LeaseHolder {
+        LeaseHolder {
+            lost_after,
+            lease: Mutex::default(),
+        }
+    }
+
+    /// Sends a request that starts commands; `body` is made with the number of the lease to which they are bound.
+    ///
+    /// # Errors
+    /// Fails if no lease can be granted, or if the loader refuses the request.
+    pub fn begin<T: DeserializeOwned>(
+        &self,
+        client: &LoaderClient,
+        path: &str,
+        body: impl Fn(u64) -> Result<String, ClientError>,
+    ) -> Result<T, ClientError> {
+        let number = self.number(client, None)?;
+        match client.post(path, body(number)?) {
+            Err(error) if error.body.code == codes::UNKNOWN_LEASE.code => {}
+            answer => return Ok(answer?),
+        }
+        // The lease expired unnoticed: this program was stopped for a while, or the executor was restarted.
+        let number = self.number(client, Some(number))?;
+        Ok(client.post(path, body(number)?)?)
+    }
+
+    /// Returns the number of the lease; requests one if there is none, or if it is lost or is `expired`.
+    fn number(&self, client: &LoaderClient, expired: Option<u64>) -> Result<u64, ClientError> {
+        let mut held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(lease) = held.as_ref().filter(|lease| Some(lease.number) == expired) {
+            // It must not be ended: the loader has said that it is not there.
+            lease.set_lost();
+        }
+        if held.as_ref().is_some_and(Lease::is_lost) {
+            *held = None;
+        }
+        let lease = match held.take() {
+            Some(lease) => lease,
+            None => Lease::grant(client, self.lost_after)?,
+        };
+        Ok(held.insert(lease).number)
+    }
+}
 
 /// A lease that was granted. It ends when it is dropped: what is bound to it is cancelled.
 #[derive(Debug)]

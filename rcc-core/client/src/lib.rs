@@ -20,6 +20,7 @@ mod watch;
 pub use cell::Cell;
 pub use command::{Command, Outcome};
 pub use error::{ClientError, RequestError};
+pub use lease::LeaseHolder;
 pub use rcc_api::bodies::{CommandView, DeviceView, OnClientLoss, StatusView, ValuesView};
 pub use rcc_api::streams::StreamValues;
 pub use transport::{Lines, LoaderClient, RemoteLoader, no_loader, runtime_folder, segment};

@@ -255,3 +255,24 @@ fn a_gateway_drives_a_cell_that_it_did_not_make() {
     assert!(child.wait().expect("a child").success());
     cell.stop();
 }
+
+#[test]
+fn nets_of_a_gateway_that_is_killed_are_cancelled_in_a_cell_that_lives_on() {
+    let config = rcc_tests::repository().join("configs/cells/two-arms.yaml");
+    let cell = TestCell::start(&config, |text| text);
+    let mut command = gateway::command(&cell);
+    command.args(["--cell", rcc_tests::cell_fixture::NAME]);
+    let (mut child, port) = gateway::start(command.stderr(Stdio::inherit()));
+    let mut client = Client::connect(port);
+    idle(&mut client);
+    let state = || cell.rest("GET", "/commands", "").body[0]["state"].clone();
+    assert_eq!(state(), "running");
+    child.kill().expect("a child");
+    child.wait().expect("a child");
+    await_some("the net to be cancelled", || {
+        (state() != "running").then_some(())
+    });
+    let events = cell.rest("GET", "/events", "").body.to_string();
+    assert!(events.contains("lease"), "{events}");
+    cell.stop();
+}
