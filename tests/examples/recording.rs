@@ -19,6 +19,9 @@ struct Arguments {
     /// Duration of each part, s.
     #[arg(long, default_value_t = 60.0)]
     seconds: f64,
+    /// Duration of each part without a recording, s; by default as long as one with a recording.
+    #[arg(long)]
+    alone: Option<f64>,
     /// Number of parts with, and as many without a recording.
     #[arg(long, default_value_t = 1)]
     rounds: u32,
@@ -96,15 +99,20 @@ fn recorded(cell: &TestCell, round: u32, duration: Duration) -> (CycleTimes, Str
 
 fn main() {
     rcc_tests::cell::without_time_limit();
-    let Arguments { seconds, rounds } = Arguments::parse();
+    let Arguments {
+        seconds,
+        alone,
+        rounds,
+    } = Arguments::parse();
     let config = repository().join("configs/cells/two-arms.yaml");
     let cell = TestCell::start(&config, pinned);
     let watched = cell.run(&watched_net());
     let duration = Duration::from_secs_f64(seconds);
+    let duration_alone = Duration::from_secs_f64(alone.unwrap_or(seconds));
     let (mut alone, mut beside) = (CycleTimes::default(), CycleTimes::default());
     println!("{}", CycleTimes::HEADING);
     for round in 0..rounds {
-        let part = CycleTimes::during(&cell, || std::thread::sleep(duration));
+        let part = CycleTimes::during(&cell, || std::thread::sleep(duration_alone));
         println!("{}", part.row("alone"));
         alone.add(&part);
         let (part, line) = recorded(&cell, round, duration);
