@@ -137,7 +137,7 @@ verbs! {
         Serve = serve;
         /// Record nets, devices and events to an MCAP file, for Foxglove, PlotJuggler, Rerun and Python
         Record = record;
-        /// Read a recording again: as a table, as curves
+        /// Read a recording again, as a table or curves; make a net from a trajectory of ROS
         Import = import;
         /// List the topics that connect nets
         Topics = topics;

@@ -126,6 +126,7 @@ const REFUSED: &[&[&str]] = &[
     &["serve"],
     &["record", "/nonexistent/x.mcap"],
     &["import", "x.mcap"],
+    &["import", "trajectory", "x.yaml"],
     &["install-units", CELL, "--dry-run"],
     &["rt-setup", "--root", "/nonexistent"],
     &["incidents", "--folder", "."],

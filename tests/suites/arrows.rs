@@ -77,6 +77,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-client", &["rcc-api"]),
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
+    ("rcc-trajectory", &["rcc-config"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
     // Used by tests and benchmarks only.
     ("rcc-testing", &["rcc-core"]),
@@ -190,6 +191,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-directionet",
             "rcc-graph",
             "rcc-robot",
+            "rcc-trajectory",
             "rcc-api",
             "rcc-recording",
             "rcc-client",

@@ -1,5 +1,5 @@
 //! `import FILE.mcap`: reads a recording again, as a table or as curves. Needs only the file, which may have been written by
-//! `record` or by `replay --mcap`.
+//! `record` or by `replay --mcap`. `import trajectory` makes a net from a trajectory.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -19,11 +19,17 @@ use crate::result_file::{WrittenFile, create, not_written, write_plot};
 use crate::simulate::trace::{BucketedSeries, panel_of, segments};
 use crate::table::{self, grouped};
 
+mod trajectory;
+
 /// Arguments of `import`.
 #[derive(clap::Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Arguments {
+    #[command(subcommand)]
+    what: Option<ImportCommand>,
     /// Recording (MCAP)
-    file: PathBuf,
+    #[arg(required = true)]
+    file: Option<PathBuf>,
     /// Only these values: net/primitive.port or device/value, with * and ? as wildcards [default: all]
     #[arg(long, value_name = "PATTERN")]
     show: Vec<Pattern>,
@@ -33,6 +39,12 @@ pub struct Arguments {
     /// Plot the values to this file, .svg, .html (with values and zoom) or .png
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum ImportCommand {
+    /// Make a net from a trajectory_msgs/JointTrajectory of ROS (YAML or JSON)
+    Trajectory(trajectory::Arguments),
 }
 
 /// One table of the file.
@@ -56,15 +68,21 @@ struct TablePlaces {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the file is not a recording, if no value matches, or if a result cannot be written.
+/// Fails if the file is not a recording, if no value matches, or if a result cannot be written; as
+/// [`trajectory::run`] for a trajectory.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let contents = Contents::of(&arguments.file, &arguments.show)?;
+    if let Some(ImportCommand::Trajectory(arguments)) = arguments.what {
+        return trajectory::run(context, &arguments);
+    }
+    // clap requires the file unless there is a subcommand.
+    let file = arguments.file.unwrap_or_default();
+    let contents = Contents::of(&file, &arguments.show)?;
     if let Some(path) = &arguments.csv {
-        contents.write_csv(&arguments.file, path)?;
+        contents.write_csv(&file, path)?;
         print_note(&WrittenFile::of(path)?.describe());
     }
     if let Some(path) = &arguments.plot {
-        contents.plot(&arguments.file, path)?;
+        contents.plot(&file, path)?;
         print_note(&WrittenFile::of(path)?.describe());
     }
     context.print(&contents.rows, |rows| {
