@@ -149,11 +149,11 @@ fn the_arm_is_at_each_point_at_its_time() {
         .collect();
     let start = [
         0.0,
-        -0.5235987755982988,
+        -std::f64::consts::FRAC_PI_6,
         0.0,
-        1.5707963267948966,
+        std::f64::consts::FRAC_PI_2,
         0.0,
-        -1.0471975511965976,
+        -std::f64::consts::FRAC_PI_3,
         0.0,
     ];
     let points = [

@@ -56,6 +56,12 @@ impl LeaseHolder {
         Ok(client.post(path, body(number)?)?)
     }
 
+    /// Returns true when the cell has forgotten the lease: what was bound to it was cancelled.
+    pub fn is_lost(&self) -> bool {
+        let held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
+        held.as_ref().is_some_and(Lease::is_lost)
+    }
+
     /// Returns the number of the lease; requests one if there is none, or if it is lost or is `expired`.
     fn number(&self, client: &LoaderClient, expired: Option<u64>) -> Result<u64, ClientError> {
         let mut held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);

@@ -64,7 +64,7 @@ impl OpenDriver {
     pub(crate) fn open(
         table: &Description,
         arguments: &OpenArguments,
-    ) -> Result<Self, (i32, RawError)> {
+    ) -> Result<Self, (i32, Box<RawError>)> {
         let settings: Vec<RawValue> = arguments
             .settings
             .iter()
@@ -99,7 +99,7 @@ impl OpenDriver {
         let result = unsafe { (functions.open)(&raw const device, &raw mut state, &raw mut error) };
         match result {
             OK => Ok(Self { state, functions }),
-            other => Err((other, error)),
+            other => Err((other, Box::new(error))),
         }
     }
 

@@ -136,12 +136,8 @@ fn a_lease_of_which_a_renewal_says_that_it_has_expired_is_not_ended() {
     let command = cell.load("net: a").expect("it is ready");
     command.start_with(OnClientLoss::Cancel).expect("a start");
     told(&loader).expired.push(1);
-    let is_lost = || {
-        let held = cell.lease.lock().unwrap_or_else(PoisonError::into_inner);
-        held.as_ref().is_some_and(Lease::is_lost)
-    };
     let begun = Instant::now();
-    while !is_lost() {
+    while !cell.lease.is_lost() {
         assert!(
             begun.elapsed() < Duration::from_secs(60),
             "{:?}",
