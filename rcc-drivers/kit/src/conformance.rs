@@ -69,6 +69,8 @@ pub trait Subject: Peer + Sized {
     const TRANSPORT: Transport;
     /// The wire has a checksum that detects corrupted packets.
     const HAS_CHECKSUM: bool;
+    /// The same device gives the same packets, whatever the time: a recording of its packets can be replayed.
+    const CAN_BE_REPLAYED: bool = true;
     /// Invalid values of settings, as JSON: at least one row for every setting that has a range or a set of words.
     const BAD_SETTINGS: &'static [(&'static str, &'static str)];
     /// Invalid channel addresses of each kind, as JSON; addresses of another type are always tested.

@@ -64,6 +64,11 @@ pub struct Outputs {
     pub digital_set: u64,
     /// Analog outputs, within their configured ranges; NaN = no value, as for `digital_set`.
     pub analog: [f64; ANALOG_MAX],
+    /// Bit i: a net commands digital output i, in this cycle or in one since the last exchange; the value of any other is that
+    /// of its `on_release`.
+    pub digital_commanded: u64,
+    /// Bit i: the same for analog output i.
+    pub analog_commanded: u64,
 }
 
 impl Outputs {
@@ -74,6 +79,8 @@ impl Outputs {
         digital: 0,
         digital_set: 0,
         analog: [f64::NAN; ANALOG_MAX],
+        digital_commanded: 0,
+        analog_commanded: 0,
     };
 }
 

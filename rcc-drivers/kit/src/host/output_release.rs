@@ -22,6 +22,8 @@ pub struct OutputRelease {
     values: Outputs,
     /// Bit i: analog output i is commanded outside its range.
     out_of_range: u64,
+    /// Outputs that were commanded in cycles since the last exchange: digital, analog.
+    passed: [u64; 2],
 }
 
 impl OutputRelease {
@@ -45,6 +47,7 @@ impl OutputRelease {
             analog: rules(ChannelKind::AnalogOutput, ANALOG_MAX),
             values: Outputs::NONE,
             out_of_range: 0,
+            passed: [0; 2],
         };
         release.apply(&SetPoint::NONE);
         release
@@ -52,10 +55,16 @@ impl OutputRelease {
 
     /// Applies the commanded outputs of `entry` and releases the others; ignores the joint positions.
     pub fn apply(&mut self, entry: &SetPoint) -> &Outputs {
+        let [digital, analog] = std::mem::take(&mut self.passed);
+        self.values.digital_commanded = digital;
+        self.values.analog_commanded = analog;
         for (rule, index) in self.digital.iter().zip(0..) {
             let bit = 1_u64 << index;
             let value = match rule.on_release {
-                _ if entry.digital_commanded & bit != 0 => entry.digital & bit != 0,
+                _ if entry.digital_commanded & bit != 0 => {
+                    self.values.digital_commanded |= bit;
+                    entry.digital & bit != 0
+                }
                 OnRelease::Safe(value) => value != 0.0,
                 OnRelease::Hold => continue,
             };
@@ -68,6 +77,7 @@ impl OutputRelease {
             let [lower, upper] = rule.range.unwrap_or([f64::MIN, f64::MAX]);
             if commanded >= lower && commanded <= upper {
                 *place = commanded;
+                self.values.analog_commanded |= 1_u64 << index;
                 continue;
             }
             self.out_of_range |= u64::from(!commanded.is_nan()) << index;
@@ -85,13 +95,15 @@ impl OutputRelease {
             if rule.on_release == OnRelease::Hold && entry.digital_commanded & bit != 0 {
                 self.values.digital_set |= bit;
                 self.values.digital = (self.values.digital & !bit) | (entry.digital & bit);
+                self.passed[0] |= bit;
             }
         }
         let places = self.values.analog.iter_mut().zip(entry.analog);
-        for (rule, (place, commanded)) in self.analog.iter().zip(places) {
+        for ((rule, (place, commanded)), index) in self.analog.iter().zip(places).zip(0..) {
             let [lower, upper] = rule.range.unwrap_or([f64::MIN, f64::MAX]);
             if rule.on_release == OnRelease::Hold && commanded >= lower && commanded <= upper {
                 *place = commanded;
+                self.passed[1] |= 1_u64 << index;
             }
         }
     }
@@ -180,6 +192,27 @@ mod tests {
         let values = *release.apply(&SetPoint::NONE);
         assert_eq!((values.digital, values.digital_set), (0b10, 0b11));
         assert_eq!(values.analog[..2], [0.1, 7.0]);
+    }
+
+    #[test]
+    fn what_a_net_commands_is_told_apart_from_what_is_held() {
+        let mut release = release();
+        let values = *release.apply(&commanded());
+        assert_eq!(
+            (values.digital_commanded, values.analog_commanded),
+            (0b11, 0b11)
+        );
+        let values = *release.apply(&SetPoint::NONE);
+        assert_eq!((values.digital_commanded, values.analog_commanded), (0, 0));
+        // Commanded in a cycle that was not exchanged: the outputs that hold.
+        release.hold(&commanded());
+        let values = *release.apply(&SetPoint::NONE);
+        assert_eq!(
+            (values.digital_commanded, values.analog_commanded),
+            (0b10, 0b10)
+        );
+        let values = *release.apply(&SetPoint::NONE);
+        assert_eq!((values.digital_commanded, values.analog_commanded), (0, 0));
     }
 
     #[test]
