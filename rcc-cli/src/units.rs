@@ -200,15 +200,18 @@ impl CellUnits<'_> {
 
     /// Starts the program that the configuration names, with what it needs and no more.
     fn own_program(&self, device: &DeviceConfig) -> String {
-        let DriverConfig::Program(own) = &device.driver else {
-            return String::new();
+        let (program, arguments) = match (&device.driver, device.driver.own_program()) {
+            (DriverConfig::Program(own), _) => {
+                let path = own.path(&device.folder);
+                let path = path.unwrap_or_else(|| self.programs.join(&own.program));
+                (path, own.arguments.as_slice())
+            }
+            (DriverConfig::Name(_), Some(own)) => (self.programs.join(own.program), &[][..]),
+            (DriverConfig::Name(_), None) => return String::new(),
         };
-        let program = own
-            .path(&device.folder)
-            .unwrap_or_else(|| self.programs.join(&own.program));
-        let arguments = own.arguments.iter().map(|one| format!(" {}", quoted(one)));
+        let arguments = arguments.iter().map(|one| format!(" {}", quoted(one)));
         let start = quoted(&program.display().to_string()) + &arguments.collect::<String>();
-        let needs: String = own.needs.iter().map(permitted).collect();
+        let needs: String = device.driver.needs().iter().map(permitted).collect();
         format!("ExecStart=\nExecStart={start}\n{needs}")
     }
 

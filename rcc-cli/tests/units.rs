@@ -179,6 +179,33 @@ fn the_configuration_decides_restarts_priorities_cores_and_addresses() {
 }
 
 #[test]
+fn a_driver_with_a_program_of_its_own_gets_raw_packets_and_no_more() {
+    let root = Root::new();
+    succeeds(&root.install(
+        "ethercat.yaml",
+        &[
+            "--port",
+            "line=4711",
+            "--simulators",
+            "--programs",
+            "/opt/rcc/bin",
+        ],
+    ));
+    let files = root.files();
+    let driver = &files["etc/systemd/system/rcc-driver@ethercat.line.service.d/50-cell.conf"];
+    for line in [
+        "ExecStart=/opt/rcc/bin/rcc-ethercat",
+        "CapabilityBoundingSet=CAP_NET_RAW",
+        "RestrictAddressFamilies=AF_PACKET",
+    ] {
+        assert!(
+            driver.lines().any(|have| have == line),
+            "{line} is not in\n{driver}"
+        );
+    }
+}
+
+#[test]
 fn configurations_not_for_production_are_refused_with_the_remedy() {
     let root = Root::new();
     let output = root.install("demo.yaml", &[]);

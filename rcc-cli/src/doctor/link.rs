@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::driver_status::{DriverStatus, LinkHistory};
 use super::{FindingLevel, HealthFinding};
 
+pub mod ethercat;
 pub mod fri;
 pub mod gather;
 pub mod iiwa;
@@ -41,6 +42,8 @@ pub struct LinkFacts {
     pub no_probe: Option<String>,
     /// Network interfaces of this machine.
     pub interfaces: Vec<sockets::NetworkInterface>,
+    /// State of the network interface that `settings.interface` names: it is up, and it has a cable; `None` if it names none.
+    pub nic: Option<(bool, bool)>,
     /// Process that holds the device's port.
     pub holder: Option<String>,
     /// Result of connecting to the server; `None` if not tried.
@@ -108,6 +111,7 @@ impl LinkReport {
     #[must_use]
     pub fn of(facts: &LinkFacts) -> LinkReport {
         let stages: &[LinkStage] = match facts.driver.as_str() {
+            "ethercat" => ethercat::STAGES,
             "fri-lwr" => fri::STAGES,
             "fri-iiwa" => iiwa::STAGES,
             _ => plain::STAGES,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
-use rcc_config::{DeviceConfig, DriverConfig};
+use rcc_config::{DeviceConfig, DriverConfig, OwnProgram};
 
 use crate::failure::Failure;
 
@@ -19,6 +19,14 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
     if name.contains('/') {
         return Ok(PathBuf::from(name));
     }
+    beside(
+        name,
+        "build all programs (`cargo build --release`) or install them in one folder",
+    )
+}
+
+/// Searches a program beside this one and one folder up; the error has this remedy.
+fn beside(name: &str, remedy: &str) -> Result<PathBuf, Failure> {
     let here = std::env::current_exe().unwrap_or_default();
     let looked: Vec<PathBuf> = here
         .ancestors()
@@ -27,11 +35,8 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
         .map(|folder| folder.join(name))
         .collect();
     found(&looked).ok_or_else(|| {
-        Failure::new(
-            codes::PROCESS_FAILED,
-            format!("program `{name}` not found at {}", listed(&looked)),
-            "build all programs (`cargo build --release`) or install them in one folder",
-        )
+        let message = format!("program `{name}` not found at {}", listed(&looked));
+        Failure::new(codes::PROCESS_FAILED, message, remedy)
     })
 }
 
@@ -40,9 +45,10 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
 /// # Errors
 /// Fails if it does not exist.
 pub fn driver(device: &DeviceConfig) -> Result<PathBuf, Failure> {
-    let own = match &device.driver {
-        DriverConfig::Name(_) => return program("rcc-driver"),
-        DriverConfig::Program(own) => own,
+    let own = match (&device.driver, device.driver.own_program()) {
+        (DriverConfig::Program(own), _) => own,
+        (DriverConfig::Name(_), None) => return program("rcc-driver"),
+        (DriverConfig::Name(_), Some(own)) => return beside(own.program, &build(own)),
     };
     match own.path(&device.folder) {
         None => program(&own.program),
@@ -53,6 +59,15 @@ pub fn driver(device: &DeviceConfig) -> Result<PathBuf, Failure> {
             "build it, or correct `driver: {program: …}`; a path is relative to the cell's file",
         )),
     }
+}
+
+/// How a program outside of the default build is built.
+#[must_use]
+pub fn build(own: &OwnProgram) -> String {
+    format!(
+        "the driver `{}` is outside of the default build: `cargo build --release -p {}`, then copy the program into this folder, if it is another one",
+        own.driver, own.package
+    )
 }
 
 /// Returns the path of a configuration file: below `$RCC_CONFIGS`, or else in the source tree of this program, or else

@@ -12,6 +12,7 @@ use rcc_core::counted::Counted;
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::output::{print_line, print_record};
+use crate::supervisor::paths;
 use crate::units::cores::Cores;
 use crate::units::disk::{self, FileChange};
 use crate::units::{self, CellUnits};
@@ -81,6 +82,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = context.cell.clone().unwrap_or(config.name.clone());
     let elsewhere = arguments.root != Path::new("/");
     let programs = programs(arguments.programs.as_deref(), elsewhere)?;
+    require_own_programs(&config, &programs, elsewhere)?;
     require_visible(&path, "the configuration", elsewhere)?;
     require_no_simulators(&config, &arguments)?;
     let cores = cores(&config, arguments.cpus)?;
@@ -181,6 +183,24 @@ fn programs(given: Option<&Path>, elsewhere: bool) -> Result<PathBuf, Failure> {
     }
     require_visible(&folder, "the folder of the programs", elsewhere)?;
     Ok(folder)
+}
+
+/// Fails if a device has a driver of RCC whose program is not installed.
+fn require_own_programs(
+    config: &CellConfig,
+    folder: &Path,
+    elsewhere: bool,
+) -> Result<(), Failure> {
+    let devices = config.devices.iter();
+    let mut own = devices.filter_map(|device| device.driver.own_program());
+    match own.find(|own| !elsewhere && !folder.join(own.program).is_file()) {
+        None => Ok(()),
+        Some(own) => Err(Failure::new(
+            codes::BAD_REQUEST,
+            format!("{} not found in {}", own.program, folder.display()),
+            paths::build(own),
+        )),
+    }
 }
 
 fn require_visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failure> {

@@ -84,7 +84,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         .map(|channel| SimulatedChannel {
             name: channel.name.clone(),
             kind: kind_name(channel.kind),
-            value: wire::read(&device.driver.to_string(), channel, &state),
+            value: wire::read(device, channel, &state),
             unit: match is_digital(channel) {
                 true => String::new(),
                 false => channel.unit.to_string(),
@@ -179,7 +179,7 @@ fn command(device: &DeviceConfig, pair: &str) -> Result<Value, Failure> {
         let message = format!("`{}`: `{}` is not {wanted}", channel.name, text.trim());
         refused(message, usage.clone())
     })?;
-    wire::write(&device.driver.to_string(), channel, value)
+    wire::write(device, channel, value)
         .map_err(|why| refused(format!("`{}`: {why}", channel.name), inputs()))
 }
 
@@ -200,6 +200,37 @@ mod tests {
     fn demo() -> rcc_config::CellConfig {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/cells/demo.yaml");
         rcc_config::CellConfig::load_offline(std::path::Path::new(path)).expect("the demo's cell")
+    }
+
+    #[test]
+    fn a_channel_of_a_terminal_is_set_and_read_by_its_position() {
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../configs/cells/ethercat.yaml"
+        );
+        let config = rcc_config::CellConfig::load_offline(std::path::Path::new(path));
+        let config = config.unwrap_or_else(|faults| panic!("{faults}"));
+        let (_, device) = config.device("line").expect("there");
+        let set = |terminal: u8, channel: u8, value: i32| json!({"set": {"terminal": terminal, "channel": channel, "value": value}});
+        assert_eq!(command(device, "door_closed=true").unwrap(), set(1, 2, 1));
+        assert_eq!(
+            command(device, "pressure_measured=500000").unwrap(),
+            set(3, 1, 16384)
+        );
+        assert!(command(device, "level=1").is_err(), "an entry of an object");
+        let state = json!({"terminals": [{"inputs": [0, 1]}, {"outputs": [1, 0]}]});
+        let read = |name: &str| {
+            let channel = device.channels.iter().find(|channel| channel.name == name);
+            wire::read(device, channel.expect("there"), &state)
+        };
+        assert_eq!(
+            (read("door_closed"), read("lamp")),
+            (json!(true), json!(true))
+        );
+        assert_eq!(
+            (read("lamp_on"), read("level")),
+            (json!(false), Value::Null)
+        );
     }
 
     #[test]
@@ -258,7 +289,7 @@ mod tests {
         });
         let value = |name: &str| {
             let channel = io.channels.iter().find(|one| one.name == name);
-            wire::read(&io.driver.to_string(), channel.expect("there"), &state)
+            wire::read(io, channel.expect("there"), &state)
         };
         assert_eq!(value("lamp"), json!(true));
         assert_eq!(value("belt_speed"), json!(0.25));

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Which program drives a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DriverConfig {
-    /// A driver of `rcc-driver`; only the drivers package knows which exist.
+    /// A driver of `rcc-driver`, of which only the drivers package knows which exist, or one of [`OWN_PROGRAMS`].
     Name(String),
     /// A program made with `rcc-driver-kit`.
     Program(DriverProgram),
@@ -23,6 +23,27 @@ pub struct DriverProgram {
     /// What its unit permits besides what every driver may do.
     pub needs: Vec<DriverNeed>,
 }
+
+/// A driver of RCC that has a program of its own, outside of the default build.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnProgram {
+    /// Name of the driver.
+    pub driver: &'static str,
+    /// Its program, in the folder of RCC's programs.
+    pub program: &'static str,
+    /// The package that builds it.
+    pub package: &'static str,
+    /// What its unit permits besides what every driver may do.
+    pub needs: &'static [DriverNeed],
+}
+
+/// All drivers of RCC that have programs of their own.
+pub const OWN_PROGRAMS: &[OwnProgram] = &[OwnProgram {
+    driver: "ethercat",
+    program: "rcc-ethercat",
+    package: "rcc-ethercat",
+    needs: &[DriverNeed::RawNetwork],
+}];
 
 /// A permission of a driver's unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,6 +82,24 @@ impl DriverConfig {
     }
 }
 
+impl DriverConfig {
+    /// Returns the program of a driver of RCC that is not in `rcc-driver`.
+    #[must_use]
+    pub fn own_program(&self) -> Option<&'static OwnProgram> {
+        OWN_PROGRAMS.iter().find(|own| self.is(own.driver))
+    }
+
+    /// Returns what the unit permits besides what every driver may do.
+    #[must_use]
+    pub fn needs(&self) -> &[DriverNeed] {
+        match (self, self.own_program()) {
+            (DriverConfig::Program(program), _) => &program.needs,
+            (_, Some(own)) => own.needs,
+            (_, None) => &[],
+        }
+    }
+}
+
 impl DriverProgram {
     /// Returns the path of a program that is given with a `/`, for a cell's file in this folder; `None` if it is in the
     /// folder of RCC's programs.
@@ -84,6 +123,19 @@ impl fmt::Display for DriverConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_driver_with_a_program_of_its_own_brings_its_needs() {
+        let named = |name: &str| DriverConfig::Name(name.to_owned());
+        let ethercat = named("ethercat");
+        assert_eq!(
+            ethercat.own_program().map(|own| own.program),
+            Some("rcc-ethercat")
+        );
+        assert_eq!(ethercat.needs(), [DriverNeed::RawNetwork]);
+        assert_eq!(named("modbus").own_program(), None);
+        assert_eq!(named("modbus").needs(), []);
+    }
 
     #[test]
     fn a_need_is_a_known_word_or_a_device_file() {

@@ -26,7 +26,7 @@ pub use access::{AccessConfig, TcpAccess};
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
 pub use change::{ConfigChange, FileWatch};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
-pub use driver::{DriverConfig, DriverNeed, DriverProgram};
+pub use driver::{DriverConfig, DriverNeed, DriverProgram, OWN_PROGRAMS, OwnProgram};
 pub use file_kind::FileKind;
 pub use ports::{Protocol, auto_ports, free_port};
 pub use recorder::RecorderConfig;

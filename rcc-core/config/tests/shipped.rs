@@ -55,6 +55,7 @@ fn the_cells_are_read_without_a_fault() {
             "lwr-and-iiwa",
             &["left", "right"],
         ),
+        ("cells/ethercat.yaml", "ethercat", &["line"]),
         ("cells/impedance.yaml", "impedance", &["lwr"]),
     ] {
         let config = load(name);

@@ -8,8 +8,12 @@ use std::time::Duration;
 
 use nix::sched::{CloneFlags, unshare};
 use rcc_drivers::sim::line_server::ControlClient;
-use rcc_ethercat::session::{Cycle, ExpectedTerminal, Loss, SessionError, SessionOptions, run};
-use rcc_ethercat::sim::model::{MODELS, VENDOR};
+use rcc_ethercat::session::{
+    Application, Cycle, ExpectedTerminal, FrameCounts, Loss, SessionError, SessionOptions,
+    TerminalImage,
+};
+use rcc_ethercat::terminals::{MODELS, Model, VENDOR};
+use rcc_ethercat::wire::Interface;
 use serde_json::Value;
 
 /// The simulator and its control port; dropping it ends the process.
@@ -79,17 +83,35 @@ fn with_line(name: &'static str, test: impl FnOnce(Simulator) + Send + 'static) 
 }
 
 fn options() -> SessionOptions {
-    let terminal = |model: &rcc_ethercat::sim::model::Model| ExpectedTerminal {
+    let terminal = |model: &Model| ExpectedTerminal {
         name: model.name.to_owned(),
         vendor: VENDOR,
         product: model.product,
+        watchdog: None,
+        objects: Vec::new(),
     };
     SessionOptions {
-        nic: "ecat0".to_owned(),
-        line: MODELS.iter().map(terminal).collect(),
+        interface: Interface::Nic("ecat0".to_owned()),
+        line: MODELS.iter().take(4).map(terminal).collect(),
         period: Duration::from_millis(1),
         timeout: Duration::from_millis(50),
     }
+}
+
+/// An application that only exchanges.
+struct Plain<F>(F);
+
+impl<F: FnMut(&mut [TerminalImage], Cycle) -> ControlFlow<()>> Application for Plain<F> {
+    fn cycle(&mut self, image: &mut [TerminalImage], cycle: Cycle) -> ControlFlow<()> {
+        (self.0)(image, cycle)
+    }
+}
+
+fn run(
+    options: &SessionOptions,
+    cycle: impl FnMut(&mut [TerminalImage], Cycle) -> ControlFlow<()>,
+) -> Result<(), SessionError> {
+    rcc_ethercat::session::run(options, &FrameCounts::default(), &mut Plain(cycle))
 }
 
 #[test]
@@ -177,7 +199,7 @@ fn another_line_is_told_by_its_position() {
         options.line.truncate(1);
         let result = run(&options, |_, _| ControlFlow::Continue(()));
         assert_eq!(result, Err(SessionError::Count { have: 4, want: 1 }));
-        options.nic = "nowhere9".to_owned();
+        options.interface = Interface::Nic("nowhere9".to_owned());
         let result = run(&options, |_, _| ControlFlow::Continue(()));
         assert!(
             matches!(result, Err(SessionError::Nic { .. })),

@@ -45,6 +45,9 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
         simulated: !config.simulators.is_empty(),
         pid: announced.as_ref().map(|announced| announced.pid),
         interfaces: sockets::interfaces(),
+        nic: device.settings["interface"]
+            .as_str()
+            .and_then(sockets::link_state),
         ..LinkFacts::default()
     };
     if !facts.unknown_ports.is_empty() {

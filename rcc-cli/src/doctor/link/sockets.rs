@@ -60,6 +60,17 @@ pub fn interfaces() -> Vec<NetworkInterface> {
         .collect()
 }
 
+/// Returns whether the network interface with this name is up, and whether it has a cable (a carrier); `None` if it does not
+/// exist.
+#[must_use]
+pub fn link_state(name: &str) -> Option<(bool, bool)> {
+    let mut all = getifaddrs().into_iter().flatten();
+    let found = all.find(|one| one.interface_name == name)?;
+    let has = |flag| found.flags.contains(flag);
+    let up = has(InterfaceFlags::IFF_UP);
+    Some((up, up && has(InterfaceFlags::IFF_RUNNING)))
+}
+
 /// Returns name and id of the process that holds this UDP address, as far as `/proc` is readable.
 #[must_use]
 pub fn holder(address: SocketAddr) -> Option<String> {

@@ -2,11 +2,12 @@
 //! Run by the control port's threads.
 //!
 //! `{"state":null}` · `{"set":{"terminal":1,"channel":3,"value":1}}` · `{"pull":2}` · `{"plug":null}` · `{"kill":3}` ·
-//! `{"start":3}` · `{"drop":10}` · `{"quit":null}`.
+//! `{"start":3}` · `{"drop":10}` · `{"miss":{"terminal":2,"frames":10}}` · `{"quit":null}`.
 //! Terminals and channels start at 1. The value of a digital input is 0 or 1, that of an analog input the raw number;
 //! one beyond 16 bits is an over- or underrange. `pull` pulls the cable in front of a terminal, `plug` puts it back;
 //! `kill` takes the power of a terminal, and frames turn back in front of it; `start` gives it back; `drop` leaves this
-//! number of frames without an answer. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
+//! number of frames without an answer; `miss` lets a terminal take no part in this number of exchanges of process data, so
+//! that the working counter is too low. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -32,8 +33,20 @@ pub enum LineCommand {
     Start(usize),
     /// Leaves this number of further frames without an answer.
     Drop(u64),
+    /// Lets a terminal take no part in the exchange of process data.
+    Miss(Miss),
     /// Ends the simulator.
     Quit,
+}
+
+/// A terminal and a number of frames.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Miss {
+    /// Terminal, from 1.
+    pub terminal: usize,
+    /// Number of exchanges.
+    pub frames: u64,
 }
 
 /// An input and its new value.
@@ -87,7 +100,7 @@ impl Line {
             LineCommand::Set(input) => self.set(input)?,
             LineCommand::Pull(terminal) => {
                 self.station(*terminal)?;
-                self.pulled = Some(terminal - 1);
+                self.pull(terminal - 1);
             }
             LineCommand::Plug => self.pulled = None,
             LineCommand::Kill(terminal) => {
@@ -97,6 +110,7 @@ impl Line {
             }
             LineCommand::Start(terminal) => self.station(*terminal)?.powered = true,
             LineCommand::Drop(count) => self.drop = *count,
+            LineCommand::Miss(miss) => self.station(miss.terminal)?.miss = miss.frames,
             LineCommand::Quit => {}
         }
         self.connect();
@@ -139,11 +153,6 @@ impl Line {
 fn describe(station: &Station) -> Value {
     let device: &SubDevice = &station.device;
     let status = device.status();
-    // A terminal without power drives nothing.
-    let outputs = match station.powered {
-        true => device.outputs(),
-        false => vec![0; device.outputs().len()],
-    };
     json!({
         "name": device.model().name,
         "powered": station.powered,
@@ -151,7 +160,7 @@ fn describe(station: &Station) -> Value {
         "code": status.code,
         "station": device.station(),
         "inputs": device.inputs(),
-        "outputs": outputs,
+        "outputs": station.outputs(),
         "watchdog_trips": device.trips(),
     })
 }
@@ -177,7 +186,7 @@ mod tests {
             .flat_map(|line| line.split('`'))
             .filter(|part| part.starts_with('{') && !part.contains("ok") && !part.contains("error"))
             .collect();
-        assert_eq!(lines.len(), 8);
+        assert_eq!(lines.len(), 9);
         for text in lines {
             assert!(ask(&mut line(), text).is_ok(), "{text}");
         }

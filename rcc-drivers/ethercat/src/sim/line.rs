@@ -1,6 +1,7 @@
 //! The line: SubDevices one behind the other, the cables between them, and what a frame finds on its way.
 //! Run by the thread of the socket; the control port's threads change it between frames.
 
+use std::str::FromStr;
 use std::time::Duration;
 
 use super::frame::{self, Access, Addressing, Datagram, FrameError};
@@ -19,6 +20,51 @@ pub struct Station {
     pub device: SubDevice,
     /// It has power; frames turn back in front of one that has none.
     pub powered: bool,
+    /// Number of further frames in which it takes no part in the exchange of process data.
+    pub miss: u64,
+}
+
+/// A channel of a terminal; both from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Terminal {
+    /// Position of the terminal.
+    pub position: usize,
+    /// Its channel.
+    pub channel: usize,
+}
+
+/// A wire from an output to an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineWire {
+    /// The output.
+    pub from: Terminal,
+    /// The input.
+    pub to: Terminal,
+}
+
+impl FromStr for LineWire {
+    type Err = String;
+
+    /// Reads `2.1=1.1`: terminal and channel of the output and of the input, from 1.
+    fn from_str(text: &str) -> Result<LineWire, String> {
+        let end = |text: &str| {
+            let (position, channel) = text.split_once('.')?;
+            let from_one = |text: &str| text.parse::<usize>().ok()?.checked_sub(1);
+            Some(Terminal {
+                position: from_one(position)?,
+                channel: from_one(channel)?,
+            })
+        };
+        let wire = text.split_once('=').and_then(|(from, to)| {
+            Some(LineWire {
+                from: end(from)?,
+                to: end(to)?,
+            })
+        });
+        wire.ok_or_else(|| {
+            format!("invalid wire `{text}`: write TERMINAL.CHANNEL=TERMINAL.CHANNEL, from 1")
+        })
+    }
 }
 
 /// The line.
@@ -32,6 +78,19 @@ pub struct Line {
     pub drop: u64,
     /// Number of answered frames.
     pub frames: u64,
+    /// Wires between the terminals.
+    pub wires: Vec<LineWire>,
+}
+
+impl Station {
+    /// Returns the values at its output terminals; a terminal without power drives nothing.
+    #[must_use]
+    pub fn outputs(&self) -> Vec<i32> {
+        match self.powered {
+            true => self.device.outputs(),
+            false => vec![0; self.device.outputs().len()],
+        }
+    }
 }
 
 impl Line {
@@ -41,12 +100,14 @@ impl Line {
         let stations = (1..).zip(models).map(|(serial, model)| Station {
             device: SubDevice::new(model, serial),
             powered: true,
+            miss: 0,
         });
         let mut line = Line {
             stations: stations.collect(),
             pulled: None,
             drop: 0,
             frames: 0,
+            wires: Vec::new(),
         };
         line.connect();
         line
@@ -57,6 +118,21 @@ impl Line {
     pub fn reach(&self) -> usize {
         let powered = self.stations.iter().take_while(|one| one.powered).count();
         self.pulled.map_or(powered, |pulled| pulled.min(powered))
+    }
+
+    /// Pulls the cable in front of a position; the neighbours count a lost link at their ports.
+    pub fn pull(&mut self, position: usize) {
+        if self.pulled == Some(position) {
+            return;
+        }
+        self.pulled = Some(position);
+        if let Some(station) = self.stations.get_mut(position) {
+            station.device.lose_link(0);
+        }
+        let before = position.checked_sub(1);
+        if let Some(station) = before.and_then(|before| self.stations.get_mut(before)) {
+            station.device.lose_link(1);
+        }
     }
 
     /// Updates the link status of all SubDevices after a change of cables or power.
@@ -76,6 +152,38 @@ impl Line {
         for station in self.stations.iter_mut().filter(|one| one.powered) {
             station.device.advance(now);
         }
+        self.carry();
+    }
+
+    /// Carries the values of wired outputs to their inputs.
+    fn carry(&mut self) {
+        for at in 0..self.wires.len() {
+            let Some(LineWire { from, to }) = self.wires.get(at).copied() else {
+                return;
+            };
+            let outputs = self.stations.get(from.position).map(Station::outputs);
+            let value = outputs.and_then(|outputs| outputs.get(from.channel).copied());
+            if let (Some(value), Some(station)) = (value, self.stations.get_mut(to.position)) {
+                station.device.set_input(to.channel, value);
+            }
+        }
+    }
+
+    /// Returns the first wire whose output or input does not exist.
+    #[must_use]
+    pub fn loose_wire(&self) -> Option<LineWire> {
+        let outputs = |at: Terminal| {
+            let station = self.stations.get(at.position);
+            station.map_or(0, |one| one.device.outputs().len())
+        };
+        let inputs = |at: Terminal| {
+            let station = self.stations.get(at.position);
+            station.map_or(0, |one| one.device.inputs().len())
+        };
+        let loose = |wire: &&LineWire| {
+            wire.from.channel >= outputs(wire.from) || wire.to.channel >= inputs(wire.to)
+        };
+        self.wires.iter().find(loose).copied()
     }
 
     /// Returns when the next watchdog expires.
@@ -103,10 +211,15 @@ impl Line {
         for place in &places {
             if let Some(mut datagram) = Datagram::at(packet, place) {
                 for station in self.stations.iter_mut().take(reach) {
+                    if datagram.command.addressing == Addressing::Logical && station.miss > 0 {
+                        station.miss -= 1;
+                        continue;
+                    }
                     visit(&mut station.device, &mut datagram, now);
                 }
             }
         }
+        self.carry();
         frame::mark_processed(packet);
         self.frames += 1;
         Ok(true)

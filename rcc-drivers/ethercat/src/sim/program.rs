@@ -14,12 +14,10 @@ use rcc_process::log_throttle::LogThrottle;
 use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 
 use super::control::{ControlError, LineCommand};
-use super::line::Line;
+use super::line::{Line, LineWire};
 use super::options::Options;
-use super::raw_socket::{RawSocket, SocketError};
-
-/// Largest Ethernet packet, without checksum, bytes.
-const PACKET_MAX: usize = 1518;
+use crate::raw_socket::SocketError;
+use crate::wire::{Interface, PACKET_MAX, Socket};
 
 /// Why the simulator could not start or continue.
 #[derive(Debug, thiserror::Error)]
@@ -32,8 +30,11 @@ pub enum RunError {
         /// Error of the operating system.
         source: io::Error,
     },
+    /// An end of a wire does not exist.
+    #[error("--wire: output {} of terminal {} or input {} of terminal {} does not exist", .0.from.channel + 1, .0.from.position + 1, .0.to.channel + 1, .0.to.position + 1)]
+    Wire(LineWire),
     /// The interface cannot be used.
-    #[error("--nic: {0}")]
+    #[error("{0}")]
     Nic(#[from] SocketError),
     /// The operating system refuses a thread.
     #[error("system error: {0}")]
@@ -65,11 +66,19 @@ impl SimulatedLine {
 /// Returns an error if the simulator could not start.
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let stop = Stop::prepare(options.parent_death)?;
+    let mut line = Line::new(&options.terminals);
+    line.wires.clone_from(&options.wire);
+    if let Some(wire) = line.loose_wire() {
+        return Err(RunError::Wire(wire));
+    }
     let simulated = Arc::new(SimulatedLine {
-        line: Mutex::new(Line::new(&options.terminals)),
+        line: Mutex::new(line),
         started: Instant::now(),
     });
-    let socket = RawSocket::bind(&options.nic)?;
+    let interface = options.interface();
+    let socket = Socket::line(&interface)?;
+    // The number that the system has chosen, if it was 0.
+    let interface = socket.address().map_or(interface, Interface::Udp);
     let control = options.control.as_deref().map(|path| {
         let (listener, socket) = ControlSocket::bind(path)?;
         line_server::serve(listener, answer_with(simulated.clone()))?;
@@ -94,8 +103,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         })?;
     let place = control_socket::display_path(control.as_ref());
     ready(&format!(
-        "ethercat-sim ready nic={} terminals={} control={place}",
-        options.nic,
+        "ethercat-sim ready interface={interface} terminals={} control={place}",
         options.terminals.len()
     ));
     stop.wait();
@@ -120,7 +128,7 @@ fn answer_with(simulated: Arc<SimulatedLine>) -> LineHandler {
 }
 
 /// Answers frames, and wakes up for watchdogs that expire.
-fn serve(socket: &RawSocket, simulated: &SimulatedLine) -> io::Result<()> {
+fn serve(socket: &Socket, simulated: &SimulatedLine) -> io::Result<()> {
     let mut packet = [0; PACKET_MAX];
     let mut complaints = LogThrottle::default();
     loop {
@@ -136,7 +144,11 @@ fn serve(socket: &RawSocket, simulated: &SimulatedLine) -> io::Result<()> {
     }
 }
 
-fn answer_all(socket: &RawSocket, simulated: &SimulatedLine, packet: &mut [u8]) -> io::Result<()> {
+fn answer_all(
+    socket: &Socket,
+    simulated: &SimulatedLine,
+    packet: &mut [u8; PACKET_MAX],
+) -> io::Result<()> {
     while let Some(size) = socket.receive(packet)? {
         let Some(frame) = packet.get_mut(..size) else {
             continue;

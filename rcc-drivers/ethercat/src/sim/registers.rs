@@ -18,6 +18,8 @@ pub const AL_STATUS: u16 = 0x0130;
 pub const AL_STATUS_CODE: u16 = 0x0134;
 /// Error counters of the ports (20 bytes); a write clears them.
 pub const ERROR_COUNTERS: u16 = 0x0300;
+/// Counters of lost links of the ports (4 × u8).
+pub const LOST_LINKS: u16 = 0x0310;
 /// Watchdog divider (u16), in units of 40 ns, less 2.
 pub const WATCHDOG_DIVIDER: u16 = 0x0400;
 /// Process data watchdog time (u16), in units of the divider; 0 switches it off.

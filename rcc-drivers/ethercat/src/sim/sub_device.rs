@@ -104,6 +104,13 @@ impl SubDevice {
         self.memory.put_u16(register::DL_STATUS, status);
     }
 
+    /// Counts a lost link at a port.
+    pub fn lose_link(&mut self, port: u16) {
+        let register = register::LOST_LINKS + port;
+        let count = self.memory.u8(register).saturating_add(1);
+        self.memory.put(register, &[count]);
+    }
+
     /// Returns the values at the input terminals: 0 or 1, or raw numbers. Empty for a terminal with outputs.
     #[must_use]
     pub fn inputs(&self) -> &[i32] {

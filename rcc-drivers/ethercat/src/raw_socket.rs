@@ -1,13 +1,11 @@
 //! A raw Ethernet socket (`AF_PACKET`) on one network interface, for packets with any EtherType.
-//! Used by the thread of the socket.
+//! Used by the thread that exchanges frames.
 
 use std::io;
-use std::os::fd::{AsFd, AsRawFd, OwnedFd};
-use std::time::Duration;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 
 use nix::errno::Errno;
 use nix::ifaddrs::getifaddrs;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::socket::{
     AddressFamily, LinkAddr, MsgFlags, SockFlag, SockProtocol, SockType, bind, recvfrom, send,
     socket,
@@ -72,23 +70,6 @@ impl RawSocket {
         Ok(RawSocket(socket))
     }
 
-    /// Waits until a packet is there, or for `timeout`; `None` waits without a limit.
-    ///
-    /// # Errors
-    /// Returns an error of the operating system.
-    pub fn wait(&self, timeout: Option<Duration>) -> io::Result<()> {
-        // Rounded up: a wait that ends too early would be repeated at once.
-        let millis = timeout.map(|left| left.as_nanos().div_ceil(1_000_000));
-        let timeout = millis.map_or(PollTimeout::NONE, |millis| {
-            PollTimeout::try_from(millis).unwrap_or(PollTimeout::MAX)
-        });
-        let mut one = [PollFd::new(self.0.as_fd(), PollFlags::POLLIN)];
-        match poll(&mut one, timeout) {
-            Ok(_) | Err(Errno::EINTR) => Ok(()),
-            Err(error) => Err(error.into()),
-        }
-    }
-
     /// Stores the next packet that another host has sent; returns its size, or `None` if none is there.
     ///
     /// # Errors
@@ -111,6 +92,12 @@ impl RawSocket {
     pub fn send(&self, packet: &[u8]) -> io::Result<()> {
         send(self.0.as_raw_fd(), packet, MsgFlags::empty())?;
         Ok(())
+    }
+}
+
+impl AsFd for RawSocket {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
     }
 }
 

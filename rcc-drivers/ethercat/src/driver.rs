@@ -1,0 +1,263 @@
+//! The driver `ethercat`: the process data of a line of EtherCAT terminals as digital and analog channels, see
+//! docs/ethercat.md.
+//! Run by the host's thread, which waits in [`Driver::receive`] for the exchanges of the line's thread ([`line`]).
+//!
+//! The values of a cycle are sent with the next exchange. A lost exchange gives no values; after `lost_after` of them in a row
+//! the device is lost, and the line gets the safe values.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rcc_driver_kit::driver::{
+    Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs,
+};
+use rcc_driver_kit::rcc_config::DeviceConfig;
+use rcc_driver_kit::rcc_core::impedance::ControlMode;
+use rcc_driver_kit::rcc_core::message::JOINTS_MAX;
+
+pub mod address;
+pub mod counters;
+pub mod line;
+pub mod points;
+pub mod reasons;
+pub mod settings;
+
+pub use reasons::REASONS;
+
+use crate::session::{Cycle, ExpectedTerminal, Loss, SessionOptions};
+use counters::LineCounters;
+use line::{LineState, LineThread};
+use points::Points;
+use settings::EthercatSettings;
+
+/// Name of the driver in a cell's configuration.
+pub const NAME: &str = "ethercat";
+/// Length of the history that gives the quality, exchanges.
+const HISTORY: u32 = u64::BITS;
+
+/// The driver of one line.
+#[derive(Debug)]
+pub struct Ethercat {
+    settings: EthercatSettings,
+    points: Points,
+    counters: Arc<LineCounters>,
+    silence_max: Duration,
+    /// Present from the first exchange on: it inherits the priority of the host's thread.
+    line: Option<LineThread>,
+    /// Number of the last exchange that the host got, and its time.
+    seen: u64,
+    seen_at: Option<Instant>,
+    /// Lost exchanges in a row.
+    lost: u32,
+    /// Bit 0: the last exchange was complete; bit 1: the one before; and so on.
+    history: u64,
+    /// Outputs that a net has commanded since the terminals last switched off: bits of the digital and the analog ones.
+    commanded: [u64; 2],
+    /// The reason of the loss that the host knows.
+    told: u32,
+    late: u64,
+}
+
+impl Driver for Ethercat {
+    fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
+        let settings = EthercatSettings::new(device)?;
+        if device.robot.is_some() {
+            return Err(DriverError::Robot {
+                device: device.name.clone(),
+                cause: "the driver `ethercat` has no drives: remove `robot`, or choose another driver",
+            });
+        }
+        let points = Points::new(device, &settings.terminals)?;
+        let unlike: Vec<&str> = points.unlike_watchdog().collect();
+        if !unlike.is_empty() {
+            tracing::warn!(
+                "without communication the terminals switch off what has another `on_release`: {}",
+                unlike.join(", ")
+            );
+        }
+        let command_timeout = Duration::from_nanos(device.command_timeout_ns);
+        Ok(Ethercat {
+            counters: Arc::new(LineCounters::new(&settings)),
+            silence_max: command_timeout.max(5 * settings.period),
+            settings,
+            points,
+            line: None,
+            seen: 0,
+            seen_at: None,
+            lost: 0,
+            history: u64::MAX,
+            commanded: [0; 2],
+            told: 0,
+            late: 0,
+        })
+    }
+
+    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let deadline = Instant::now() + timeout;
+        let shared = match &self.line {
+            Some(line) => Arc::clone(&line.shared),
+            None => self.start(deadline)?,
+        };
+        let mut state = shared.lock();
+        let mut waits = true;
+        loop {
+            if state.number != self.seen {
+                return self.take(&mut state, inputs);
+            }
+            if !waits || state.reason != 0 && state.reason != self.told {
+                break;
+            }
+            (state, waits) = shared.wait(state, deadline);
+        }
+        self.told = state.reason;
+        match state.reason {
+            0 => Err(LinkError::Silent),
+            reason => {
+                // The values of before are no longer those of the line.
+                self.history = 0;
+                Err(LinkError::Lost { reason })
+            }
+        }
+    }
+
+    fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
+        if let Some(line) = &self.line {
+            let mut state = line.shared.lock();
+            let state = &mut *state;
+            if !state.driven {
+                // The terminals have switched off since the last outputs.
+                self.commanded = [0; 2];
+            }
+            self.commanded[0] |= outputs.digital_commanded;
+            self.commanded[1] |= outputs.analog_commanded;
+            let outputs = self.points.without_old(outputs, self.commanded);
+            self.points.put(&outputs, &mut state.image);
+            for (released, sent) in state.released.iter_mut().zip(&state.image) {
+                released.outputs.copy_from_slice(&sent.outputs);
+            }
+            self.points.release(&mut state.released);
+            state.driven = true;
+            state.sent = Instant::now();
+        }
+        Ok(())
+    }
+
+    fn release(&mut self) {}
+
+    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
+        Some(Arc::<LineCounters>::clone(&self.counters))
+    }
+}
+
+impl Ethercat {
+    /// Starts the line's thread.
+    fn start(&mut self, deadline: Instant) -> Result<Arc<line::Shared>, LinkError> {
+        let line = LineThread::start(
+            self.options(),
+            self.points.clone(),
+            Arc::clone(&self.counters),
+            self.silence_max,
+        );
+        match line {
+            Ok(line) => Ok(Arc::clone(&self.line.insert(line).shared)),
+            Err(error) => {
+                tracing::warn!(%error, "no thread for the EtherCAT line");
+                std::thread::sleep(deadline.saturating_duration_since(Instant::now()));
+                Err(LinkError::Lost {
+                    reason: reasons::THREAD,
+                })
+            }
+        }
+    }
+
+    fn options(&self) -> SessionOptions {
+        let terminals = self.settings.terminals.iter().zip(0..);
+        let line = terminals.map(|(terminal, position)| ExpectedTerminal {
+            name: format!("{}, {}", terminal.name, terminal.type_name()),
+            vendor: terminal.vendor,
+            product: terminal.product,
+            watchdog: Some(self.settings.watchdog),
+            objects: self.points.default_outputs(position, terminal),
+        });
+        SessionOptions {
+            interface: self.settings.interface.clone(),
+            line: line.collect(),
+            period: self.settings.period,
+            timeout: self.settings.timeout,
+        }
+    }
+
+    /// Takes a new exchange.
+    fn take(&mut self, state: &mut LineState, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let exchanges = state.number - self.seen;
+        self.seen = state.number;
+        let ticks = self.ticks(state.at, exchanges);
+        self.late += ticks - 1;
+        let (complete, reason) = match state.cycle {
+            Cycle::Complete => (true, 0),
+            Cycle::InputsOnly => (true, reasons::STARTING),
+            Cycle::First | Cycle::Lost(Loss::Starting) => (false, reasons::STARTING),
+            Cycle::Lost(loss) => {
+                self.lost += 1;
+                self.history <<= 1;
+                if self.lost >= self.settings.lost_after {
+                    return Err(self.lose(state, loss));
+                }
+                (false, 0)
+            }
+        };
+        if complete {
+            self.lost = 0;
+            self.history = self.history << 1 | 1;
+            self.points.inputs(&state.image, inputs);
+        } else {
+            *inputs = Inputs::NONE;
+        }
+        self.told = reason;
+        Ok(Exchange {
+            commandable: true,
+            startable: reason == 0,
+            strategy: ControlMode::Position,
+            mirror: [0.0; JOINTS_MAX],
+            ticks,
+            period_ns: u64::try_from(self.settings.period.as_nanos()).unwrap_or(u64::MAX),
+            quality_permille: self.history.count_ones() * 1000 / HISTORY,
+            reason,
+            late: self.late + self.counters.lost(),
+            refused: self.counters.refused(),
+        })
+    }
+
+    /// The device is lost: the line gets the safe values, since the host sends nothing.
+    fn lose(&mut self, state: &mut LineState, loss: Loss) -> LinkError {
+        let reason = reasons::of_loss(loss);
+        if self.told != reason {
+            tracing::warn!(
+                ?loss,
+                "the EtherCAT line is lost after {} lost exchanges",
+                self.lost
+            );
+        }
+        self.told = reason;
+        self.counters.set_reason(reason);
+        self.points.release(&mut state.image);
+        LinkError::Lost { reason }
+    }
+
+    /// Returns the number of periods since the exchange before, at least 1.
+    fn ticks(&mut self, at: Instant, exchanges: u64) -> u64 {
+        let before = self.seen_at.replace(at);
+        let passed = before.map_or(Duration::ZERO, |before| {
+            at.saturating_duration_since(before)
+        });
+        let period = self.settings.period.as_nanos().max(1);
+        let periods = (passed.as_nanos() + period / 2) / period;
+        u64::try_from(periods)
+            .unwrap_or(u64::MAX)
+            .max(exchanges)
+            .max(1)
+    }
+}
+
+#[cfg(test)]
+mod conforms;

@@ -1,0 +1,236 @@
+//! What `rcc-cli doctor device` reads about the line. Written by the session's and the host's threads, read by any thread;
+//! the values are atomics that publish no other data, hence Relaxed.
+
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+
+use ethercrab::SubDeviceState;
+use rcc_driver_kit::driver::LinkDiagnosis;
+use serde_json::{Value, json};
+
+use super::settings::EthercatSettings;
+use crate::session::{FrameCounts, Loss, PortErrors};
+
+/// State of a terminal that was never seen.
+const UNKNOWN: u8 = u8::MAX;
+
+/// One terminal.
+#[derive(Debug)]
+struct TerminalCounters {
+    name: String,
+    kind: String,
+    /// Number of the state in its last answer; 0 = it did not answer.
+    state: AtomicU8,
+    /// Four counters of 8 bits each.
+    errors: [AtomicU32; 4],
+}
+
+/// Counters of the line since the driver started.
+#[derive(Debug)]
+pub struct LineCounters {
+    interface: String,
+    terminals: Vec<TerminalCounters>,
+    /// Frames of the socket.
+    pub frames: FrameCounts,
+    sessions: AtomicU64,
+    complete: AtomicU64,
+    silent: AtomicU64,
+    wrong: AtomicU64,
+    /// The last wrong working counter and the right one.
+    last_wrong: [AtomicU32; 2],
+    /// Number of the present reason; 0 = none.
+    reason: AtomicU32,
+    /// There is a fault; spares the lock in each exchange.
+    has_fault: AtomicBool,
+    /// Why the last session ended or did not begin.
+    fault: Mutex<Option<String>>,
+}
+
+impl LineCounters {
+    /// Returns counters at 0.
+    #[must_use]
+    pub fn new(settings: &EthercatSettings) -> LineCounters {
+        let terminals = settings.terminals.iter().map(|one| TerminalCounters {
+            name: one.name.clone(),
+            kind: one.type_name(),
+            state: AtomicU8::new(UNKNOWN),
+            errors: Default::default(),
+        });
+        LineCounters {
+            interface: settings.interface.to_string(),
+            terminals: terminals.collect(),
+            frames: FrameCounts::default(),
+            sessions: AtomicU64::new(0),
+            complete: AtomicU64::new(0),
+            silent: AtomicU64::new(0),
+            wrong: AtomicU64::new(0),
+            last_wrong: Default::default(),
+            reason: AtomicU32::new(0),
+            has_fault: AtomicBool::new(false),
+            fault: Mutex::new(None),
+        }
+    }
+
+    /// Counts a complete exchange.
+    pub fn count_complete(&self) {
+        self.complete.fetch_add(1, Relaxed);
+    }
+
+    /// Counts a lost exchange.
+    pub fn count_loss(&self, loss: Loss) {
+        match loss {
+            Loss::Silent => {
+                self.silent.fetch_add(1, Relaxed);
+            }
+            Loss::WorkingCounter { have, want } => {
+                self.wrong.fetch_add(1, Relaxed);
+                let [last_have, last_want] = &self.last_wrong;
+                last_have.store(have.into(), Relaxed);
+                last_want.store(want.into(), Relaxed);
+            }
+            Loss::Starting | Loss::Unconfirmed => {}
+        }
+    }
+
+    /// Returns the number of exchanges that were lost.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.silent.load(Relaxed) + self.wrong.load(Relaxed)
+    }
+
+    /// Returns the number of packets that were no answer.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.frames.refused.load(Relaxed)
+    }
+
+    /// Stores the states of all terminals.
+    pub fn states(&self, states: &[SubDeviceState]) {
+        for (terminal, state) in self.terminals.iter().zip(states) {
+            terminal.state.store(u8::from(*state), Relaxed);
+        }
+    }
+
+    /// Stores the error counters of a terminal.
+    pub fn port_errors(&self, position: usize, errors: PortErrors) {
+        let Some(terminal) = self.terminals.get(position) else {
+            return;
+        };
+        let PortErrors {
+            invalid_frames,
+            receive_errors,
+            forwarded,
+            lost_links,
+        } = errors;
+        let all = [invalid_frames, receive_errors, forwarded, lost_links];
+        for (place, values) in terminal.errors.iter().zip(all) {
+            place.store(u32::from_le_bytes(values), Relaxed);
+        }
+    }
+
+    /// Counts a session that begins.
+    pub fn begin_session(&self) {
+        self.sessions.fetch_add(1, Relaxed);
+    }
+
+    /// Stores the present reason; 0 = none.
+    pub fn set_reason(&self, reason: u32) {
+        self.reason.store(reason, Relaxed);
+    }
+
+    /// Forgets the fault, if there is one: the line is in OP.
+    pub fn clear_fault(&self) {
+        if self.has_fault.swap(false, Relaxed) {
+            *self.fault.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        }
+    }
+
+    /// Stores why a session ended; returns true if this is another cause than before.
+    pub fn set_fault(&self, fault: Option<String>) -> bool {
+        let mut place = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        let changed = *place != fault;
+        self.has_fault.store(fault.is_some(), Relaxed);
+        *place = fault;
+        changed
+    }
+}
+
+impl LinkDiagnosis for LineCounters {
+    fn link(&self) -> Value {
+        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        let [have, want] = &self.last_wrong;
+        let terminals = self.terminals.iter().zip(1..).map(|(terminal, position)| {
+            let [invalid, receive, forwarded, lost] = &terminal.errors;
+            let ports = |counters: &AtomicU32| counters.load(Relaxed).to_le_bytes();
+            json!({
+                "position": position,
+                "name": terminal.name,
+                "type": terminal.kind,
+                "state": state_name(terminal.state.load(Relaxed)),
+                "invalid_frames": ports(invalid),
+                "receive_errors": ports(receive),
+                "forwarded_errors": ports(forwarded),
+                "lost_links": ports(lost),
+            })
+        });
+        json!({
+            "interface": self.interface,
+            "reason": self.reason.load(Relaxed),
+            "fault": *fault,
+            "sessions": self.sessions.load(Relaxed),
+            "complete": self.complete.load(Relaxed),
+            "silent": self.silent.load(Relaxed),
+            "wrong_working_counter": self.wrong.load(Relaxed),
+            "last_wrong": {"have": have.load(Relaxed), "want": want.load(Relaxed)},
+            "unsent_frames": self.frames.unsent.load(Relaxed),
+            "refused_packets": self.frames.refused.load(Relaxed),
+            "terminals": terminals.collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Returns the name of a state by its number (ETG.1000.6, table 9).
+fn state_name(number: u8) -> &'static str {
+    match number {
+        0 => "no answer",
+        1 => "INIT",
+        2 => "PREOP",
+        3 => "BOOT",
+        4 => "SAFEOP",
+        8 => "OP",
+        UNKNOWN => "unknown",
+        _ => "invalid",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_driver_kit::conformance::device;
+
+    #[test]
+    fn the_diagnosis_has_states_counters_and_the_fault() {
+        let terminals = json!({"in": {"position": 1, "type": "EL1008"}, "out": {"position": 2, "type": "EL2008"}});
+        let settings = json!({"interface": "eth1", "terminals": terminals});
+        let settings = EthercatSettings::new(&device("ethercat", settings, &[])).unwrap();
+        let counters = LineCounters::new(&settings);
+        counters.states(&[SubDeviceState::Op]);
+        counters.count_loss(Loss::WorkingCounter { have: 1, want: 3 });
+        let errors = PortErrors {
+            lost_links: [0, 2, 0, 0],
+            ..PortErrors::default()
+        };
+        counters.port_errors(1, errors);
+        assert!(counters.set_fault(Some("pulled".to_owned())));
+        assert!(!counters.set_fault(Some("pulled".to_owned())));
+        let link = counters.link();
+        assert_eq!(link["terminals"][0]["state"], "OP");
+        assert_eq!(link["terminals"][1]["state"], "unknown");
+        assert_eq!(link["terminals"][1]["lost_links"], json!([0, 2, 0, 0]));
+        assert_eq!(link["last_wrong"], json!({"have": 1, "want": 3}));
+        assert_eq!(
+            (&link["fault"], &link["wrong_working_counter"]),
+            (&json!("pulled"), &json!(1))
+        );
+    }
+}

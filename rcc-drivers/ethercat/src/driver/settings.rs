@@ -1,0 +1,303 @@
+//! The settings of the driver: where the line is connected, its terminals by name, and times.
+//! Read once, when the driver is opened.
+
+use std::time::Duration;
+
+use rcc_driver_kit::driver::{DriverError, Settings};
+use rcc_driver_kit::rcc_config::DeviceConfig;
+use serde_json::Value;
+
+use crate::session::TERMINALS_MAX;
+use crate::terminals::{Model, VENDOR};
+use crate::wire::Interface;
+
+/// Longest watchdog that the registers hold.
+const WATCHDOG_MAX: Duration = Duration::from_micros(6_553_500);
+/// Largest `lost_after`.
+const LOST_AFTER_MAX: u64 = 10_000;
+
+/// A terminal as the configuration names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TerminalSettings {
+    /// Its name in addresses of channels.
+    pub name: String,
+    /// Vendor number.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+    /// Its type, if the driver knows it.
+    pub model: Option<&'static Model>,
+}
+
+impl TerminalSettings {
+    /// Returns its type for messages.
+    #[must_use]
+    pub fn type_name(&self) -> String {
+        match self.model {
+            Some(model) => model.name.to_owned(),
+            None => format!("vendor {:#x}, product {:#010x}", self.vendor, self.product),
+        }
+    }
+}
+
+/// All settings.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EthercatSettings {
+    /// Where the line is connected.
+    pub interface: Interface,
+    /// Period of the exchanges.
+    pub period: Duration,
+    /// Limit of the answer to an exchange.
+    pub timeout: Duration,
+    /// Number of lost exchanges in a row after which the device is lost.
+    pub lost_after: u32,
+    /// Time without outputs after which the terminals switch them off.
+    pub watchdog: Duration,
+    /// The terminals in the order of the line.
+    pub terminals: Vec<TerminalSettings>,
+}
+
+impl EthercatSettings {
+    /// Reads and checks all settings of a device.
+    ///
+    /// # Errors
+    /// Returns what is wrong, with its key and what is expected.
+    pub fn new(device: &DeviceConfig) -> Result<EthercatSettings, DriverError> {
+        let mut settings = Settings::of(device);
+        let interface = settings.read("interface", Interface::EXPECTED, None, |value| {
+            Interface::read(value.as_str()?)
+        })?;
+        let period = settings.duration("period", Duration::from_millis(1))?;
+        let timeout = settings.duration("timeout", Duration::from_millis(10))?;
+        let expected = "a number of lost exchanges in a row, from 1 to 10000";
+        let lost_after = settings.read("lost_after", expected, Some(5), |value| {
+            let number = value
+                .as_u64()
+                .filter(|number| (1..=LOST_AFTER_MAX).contains(number));
+            number.and_then(|number| u32::try_from(number).ok())
+        })?;
+        let watchdog = settings.duration("watchdog", Duration::from_millis(100))?;
+        let listed = "the terminals by name, such as {lamps: {position: 2, type: EL2008}}";
+        let value = settings.read("terminals", listed, None, |value| {
+            value.as_object().filter(|all| !all.is_empty()).cloned()
+        })?;
+        settings.finish()?;
+        let fault = |key: &str, cause: String, expected| DriverError::Setting {
+            device: device.name.clone(),
+            key: key.to_owned(),
+            cause,
+            expected,
+        };
+        if watchdog > WATCHDOG_MAX || watchdog <= timeout.max(2 * period) {
+            let cause = format!(
+                "{watchdog:?} is not between {:?} and {WATCHDOG_MAX:?}",
+                timeout.max(2 * period)
+            );
+            let expected =
+                "a time that is longer than `timeout` and two periods, such as \"100 ms\"";
+            return Err(fault("watchdog", cause, expected));
+        }
+        let mut placed: Vec<(usize, TerminalSettings)> = Vec::new();
+        for (name, value) in &value {
+            let found = terminal(device, name, value)?;
+            if let Some((_, other)) = placed.iter().find(|(position, _)| *position == found.0) {
+                let cause = format!("position {} is already that of '{}'", found.0, other.name);
+                let key = format!("terminals.{name}.position");
+                return Err(fault(&key, cause, "a position that no other terminal has"));
+            }
+            placed.push(found);
+        }
+        placed.sort_by_key(|(position, _)| *position);
+        let gap = placed
+            .iter()
+            .zip(1..)
+            .find(|((position, _), place)| position != place);
+        if let Some((_, missing)) = gap {
+            let cause = format!("no terminal has position {missing}");
+            let expected = "all terminals of the line, from position 1, couplers too";
+            return Err(fault("terminals", cause, expected));
+        }
+        Ok(EthercatSettings {
+            interface,
+            period,
+            timeout,
+            lost_after,
+            watchdog,
+            terminals: placed.into_iter().map(|(_, terminal)| terminal).collect(),
+        })
+    }
+}
+
+/// Reads one terminal and its position, from 1.
+fn terminal(
+    device: &DeviceConfig,
+    name: &str,
+    value: &Value,
+) -> Result<(usize, TerminalSettings), DriverError> {
+    let fault = |key: &str, cause: String, expected| DriverError::Setting {
+        device: device.name.clone(),
+        key: format!("terminals.{name}{key}"),
+        cause,
+        expected,
+    };
+    let form = "{position: 2, type: EL2008}, or {position: 2, vendor: 0x2, product: 0x044c2c52} for another type";
+    let mut letters = name.chars();
+    let named = letters
+        .next()
+        .is_some_and(|first| first.is_ascii_lowercase())
+        && letters.all(|letter| {
+            letter.is_ascii_lowercase() || letter.is_ascii_digit() || "_-".contains(letter)
+        });
+    if !named {
+        let expected = "a name of lower-case letters, digits, `_` and `-`";
+        return Err(fault("", format!("invalid name '{name}'"), expected));
+    }
+    let Some(fields) = value.as_object() else {
+        return Err(fault("", format!("invalid value {value}"), form));
+    };
+    let keys = ["position", "type", "vendor", "product"];
+    if let Some(key) = fields.keys().find(|key| !keys.contains(&key.as_str())) {
+        return Err(fault(&format!(".{key}"), "unknown key".to_owned(), form));
+    }
+    let position = fields.get("position").and_then(Value::as_u64);
+    let position = position.and_then(|position| usize::try_from(position).ok());
+    let position = position.filter(|position| (1..=TERMINALS_MAX).contains(position));
+    let Some(position) = position else {
+        let cause = match fields.get("position") {
+            None => "is missing".to_owned(),
+            Some(value) => format!("invalid value {value}"),
+        };
+        return Err(fault(
+            ".position",
+            cause,
+            "the place in the line, from 1 to 64",
+        ));
+    };
+    let number = |key: &str| match fields.get(key) {
+        None => Ok(None),
+        Some(value) => match read_u32(value) {
+            Some(number) => Ok(Some(number)),
+            None => Err(fault(
+                &format!(".{key}"),
+                format!("invalid value {value}"),
+                "a number of 32 bits, such as 0x044c2c52",
+            )),
+        },
+    };
+    let (vendor, product) = (number("vendor")?, number("product")?);
+    let (vendor, product, model) = match (fields.get("type"), vendor, product) {
+        (Some(wanted), None, None) => {
+            let model = wanted.as_str().and_then(Model::named);
+            let Some(model) = model else {
+                let expected = "EL1008, EL2008, EL3064 or EL4004; for another type give `vendor` and `product`";
+                return Err(fault(".type", format!("unknown type {wanted}"), expected));
+            };
+            (VENDOR, model.product, Some(model))
+        }
+        (None, Some(vendor), Some(product)) => (vendor, product, None),
+        _ => {
+            let cause = "its type is missing or given twice".to_owned();
+            return Err(fault("", cause, form));
+        }
+    };
+    let name = name.to_owned();
+    let terminal = TerminalSettings {
+        name,
+        vendor,
+        product,
+        model,
+    };
+    Ok((position, terminal))
+}
+
+/// Reads a number, or a text with a hexadecimal one.
+fn read_u32(value: &Value) -> Option<u32> {
+    match value {
+        Value::String(text) => u32::from_str_radix(text.strip_prefix("0x")?, 16).ok(),
+        other => u32::try_from(other.as_u64()?).ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn read(terminals: Value) -> Result<EthercatSettings, String> {
+        let settings = json!({"interface": "eth1", "terminals": terminals});
+        let device = rcc_driver_kit::conformance::device("ethercat", settings, &[]);
+        EthercatSettings::new(&device).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_terminals_are_sorted_by_their_position() {
+        let read = read(json!({
+            "lamps": {"position": 2, "type": "EL2008"},
+            "coupler": {"position": 1, "vendor": 2, "product": "0x044c2c52"},
+        }));
+        let all = read.unwrap().terminals;
+        let names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
+        assert_eq!(names, ["coupler", "lamps"]);
+        assert_eq!((all[0].product, all[0].model), (0x044c_2c52, None));
+        assert_eq!(all[0].type_name(), "vendor 0x2, product 0x044c2c52");
+        assert_eq!(all[1].type_name(), "EL2008");
+    }
+
+    #[test]
+    fn every_mistake_is_told_with_its_key() {
+        for (terminals, key, words) in [
+            (
+                json!({"a": {"position": 2, "type": "EL1008"}}),
+                "terminals",
+                "no terminal has position 1",
+            ),
+            (
+                json!({"a": {"type": "EL1008"}}),
+                "terminals.a.position",
+                "is missing",
+            ),
+            (
+                json!({"a": {"position": 1, "type": "EL1234"}}),
+                "terminals.a.type",
+                "unknown type",
+            ),
+            (
+                json!({"a": {"position": 1}}),
+                "terminals.a",
+                "its type is missing",
+            ),
+            (
+                json!({"a": {"position": 1, "type": "EL1008", "vendor": 2}}),
+                "terminals.a",
+                "given twice",
+            ),
+            (
+                json!({"a": {"position": 1, "kind": "EL1008"}}),
+                "terminals.a.kind",
+                "unknown key",
+            ),
+            (
+                json!({"A": {"position": 1, "type": "EL1008"}}),
+                "terminals.A",
+                "invalid name",
+            ),
+            (
+                json!({"a": {"position": 1, "vendor": 2, "product": "EL"}}),
+                "terminals.a.product",
+                "invalid value",
+            ),
+            (
+                json!({"a": {"position": 1, "type": "EL1008"}, "b": {"position": 1, "type": "EL1008"}}),
+                "terminals.b.position",
+                "already that of 'a'",
+            ),
+        ] {
+            let error = read(terminals).unwrap_err();
+            assert!(
+                error.starts_with(&format!("devices.device.settings.{key}: ")),
+                "{error}"
+            );
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! The exchanges of a session, once a period, and the judgement of each answer.
+//! Run by the thread of the session.
+
+use std::time::{Duration, Instant};
+
+use async_io::Timer;
+use ethercrab::error::Error;
+use ethercrab::subdevice_group::{HasPdi, Op, SafeOp};
+use ethercrab::{AlStatusCode, MainDevice, SubDeviceState};
+use futures_lite::future;
+
+use super::start::{self, Group};
+use super::{
+    Application, Cycle, Loss, PortErrors, STATE_CHANGE, SessionError, SessionOptions, TerminalImage,
+};
+
+/// Longest time until an application that must end is noticed while the line starts.
+const END_STEP: Duration = Duration::from_millis(10);
+/// At the end, time for the terminals to switch their outputs off by themselves.
+const SWITCH_OFF: Duration = Duration::from_millis(200);
+/// Time between two readings of error counters, of one terminal after the other.
+const ERRORS_EVERY: Duration = Duration::from_millis(250);
+
+/// Starts the line and exchanges.
+pub(super) async fn hold(
+    main: &MainDevice<'_>,
+    options: &SessionOptions,
+    application: &mut impl Application,
+) -> Result<(), SessionError> {
+    let ended = async {
+        while !application.must_end() {
+            Timer::after(END_STEP).await;
+        }
+        None
+    };
+    let started = async { Some(start::start(main, options).await) };
+    let Some(group) = future::or(started, ended).await else {
+        return Ok(());
+    };
+    let group = group?;
+    let mut image: Vec<TerminalImage> = group
+        .iter(main)
+        .map(|terminal| TerminalImage {
+            inputs: vec![0; terminal.inputs_raw().len()],
+            outputs: vec![0; terminal.outputs_raw().len()],
+        })
+        .collect();
+    if application.cycle(&mut image, Cycle::First).is_break() {
+        return Ok(());
+    }
+    let mut session = Session {
+        main,
+        options,
+        application,
+        image,
+        next: Instant::now(),
+    };
+    let Some(group) = session.observe(group).await? else {
+        return Ok(());
+    };
+    session.drive(&group).await?;
+    // The terminals switch off now, and not by their watchdogs. One that does not follow has its watchdog.
+    let off = async { group.into_safe_op(main).await.is_ok() };
+    let late = async {
+        Timer::after(SWITCH_OFF).await;
+        false
+    };
+    if !future::or(off, late).await {
+        tracing::debug!("the line did not go to SAFEOP in time");
+    }
+    Ok(())
+}
+
+/// A line that exchanges.
+struct Session<'a, A> {
+    main: &'a MainDevice<'a>,
+    options: &'a SessionOptions,
+    application: &'a mut A,
+    image: Vec<TerminalImage>,
+    /// Start of the next period.
+    next: Instant,
+}
+
+impl<A: Application> Session<'_, A> {
+    /// Exchanges inputs until the application drives outputs, then requests OP. Returns `None` if the application ends.
+    async fn observe(&mut self, group: Group<SafeOp>) -> Result<Option<Group<Op>>, SessionError> {
+        while !self.application.drives_outputs() {
+            let cycle = self.exchange(&group, SubDeviceState::SafeOp, true).await?;
+            let cycle = match cycle {
+                Cycle::Complete => Cycle::InputsOnly,
+                other => other,
+            };
+            if self.application.cycle(&mut self.image, cycle).is_break() {
+                return Ok(None);
+            }
+            self.wait().await;
+        }
+        // Not waited for here: the outputs must flow meanwhile, or their watchdogs expire.
+        let group = group.request_into_op(self.main).await;
+        group.map(Some).map_err(|error| start::fault("OP", error))
+    }
+
+    /// Exchanges until the application ends.
+    async fn drive(&mut self, group: &Group<Op>) -> Result<(), SessionError> {
+        let started = Instant::now();
+        let mut running = false;
+        let mut errors = (0..self.image.len()).cycle();
+        let mut errors_at = started;
+        loop {
+            let cycle = self.exchange(group, SubDeviceState::Op, running).await?;
+            running |= cycle == Cycle::Complete;
+            if !running && started.elapsed() > STATE_CHANGE {
+                return Err(SessionError::Start {
+                    state: "OP",
+                    cause: "the terminals did not follow in 10 s".to_owned(),
+                });
+            }
+            if self.application.cycle(&mut self.image, cycle).is_break() {
+                return Ok(());
+            }
+            if cycle == Cycle::Complete && errors_at <= Instant::now() {
+                errors_at = Instant::now() + ERRORS_EVERY;
+                if let Some(position) = errors.next() {
+                    self.read_errors(group, position).await;
+                }
+            }
+            self.wait().await;
+        }
+    }
+
+    /// Waits for the next period; late ones are left out.
+    async fn wait(&mut self) {
+        self.next = following(self.next, Instant::now(), self.options.period);
+        Timer::at(self.next).await;
+    }
+
+    /// Exchanges once and judges the answer; the inputs of an incomplete exchange are not taken. A terminal that has left
+    /// `state` ends the session if all have been in it before (`running`).
+    async fn exchange<S: HasPdi>(
+        &mut self,
+        group: &Group<S>,
+        state: SubDeviceState,
+        running: bool,
+    ) -> Result<Cycle, SessionError> {
+        for (terminal, image) in group.iter(self.main).zip(&self.image) {
+            terminal.outputs_raw_mut().copy_from_slice(&image.outputs);
+        }
+        let answer = async { group.tx_rx(self.main).await.ok() };
+        let Some(answer) = future::or(answer, after(self.options.timeout)).await else {
+            return Ok(Cycle::Lost(Loss::Silent));
+        };
+        self.application.states(&answer.subdevice_states);
+        let (have, want) = (answer.working_counter, expected_counter(&self.image));
+        if have != want {
+            return Ok(Cycle::Lost(Loss::WorkingCounter { have, want }));
+        }
+        let mut states = answer.subdevice_states.iter().zip(0..);
+        if let Some((shown, position)) = states.find(|(own, _)| **own != state) {
+            return match running {
+                false => Ok(Cycle::Lost(Loss::Starting)),
+                true => match self.left(group, position, [state, *shown]).await {
+                    None => Ok(Cycle::Lost(Loss::Unconfirmed)),
+                    Some(error) => Err(error),
+                },
+            };
+        }
+        for (terminal, image) in group.iter(self.main).zip(&mut self.image) {
+            image.inputs.copy_from_slice(&terminal.inputs_raw());
+        }
+        Ok(Cycle::Complete)
+    }
+
+    /// Asks a terminal that seems to have left `state` (its answer: `shown`); returns the error if it confirms that, with the
+    /// reason that it gives.
+    async fn left<S: HasPdi>(
+        &self,
+        group: &Group<S>,
+        position: usize,
+        [state, shown]: [SubDeviceState; 2],
+    ) -> Option<SessionError> {
+        let asked = async {
+            let terminal = group.subdevice(self.main, position).ok()?;
+            match terminal.status().await {
+                Ok((own, code)) => Some((own, code)),
+                // Its error flag is set.
+                Err(Error::SubDevice(code)) => Some((shown, code)),
+                Err(_) => None,
+            }
+        };
+        let (own, code) = future::or(asked, after(self.options.timeout)).await?;
+        let expected = self.options.line.get(position);
+        let cause = match code {
+            AlStatusCode::NoError => String::new(),
+            code => format!(", because of its AL status code {code}"),
+        };
+        (own != state).then(|| SessionError::Left {
+            position: position + 1,
+            name: expected.map_or_else(String::new, |one| one.name.clone()),
+            state: own.to_string(),
+            cause,
+        })
+    }
+
+    async fn read_errors(&mut self, group: &Group<Op>, position: usize) {
+        let read = async {
+            let terminal = group.subdevice(self.main, position).ok()?;
+            let bytes = terminal.register_read::<[u8; PortErrors::SIZE]>(PortErrors::FIRST);
+            bytes.await.ok()
+        };
+        if let Some(bytes) = future::or(read, after(self.options.timeout)).await {
+            self.application
+                .port_errors(position, PortErrors::read(bytes));
+        }
+    }
+}
+
+/// Is nothing, after this time.
+async fn after<T>(time: Duration) -> Option<T> {
+    Timer::after(time).await;
+    None
+}
+
+/// Returns the first start of a period after `now`: late periods are left out.
+fn following(last: Instant, now: Instant, period: Duration) -> Instant {
+    let behind = now.saturating_duration_since(last).as_nanos() / period.as_nanos().max(1);
+    last + period.saturating_mul(u32::try_from(behind).unwrap_or(u32::MAX - 1) + 1)
+}
+
+/// Returns the working counter of a complete exchange by LRW: 1 for inputs and 2 for outputs of each terminal.
+fn expected_counter(image: &[TerminalImage]) -> u16 {
+    let of = |one: &TerminalImage| {
+        u16::from(!one.inputs.is_empty()) + 2 * u16::from(!one.outputs.is_empty())
+    };
+    image.iter().map(of).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn late_periods_are_left_out() {
+        let start = Instant::now();
+        let ms = Duration::from_millis;
+        let next = |late| following(start, start + late, ms(2)) - start;
+        assert_eq!(next(ms(0)), ms(2));
+        assert_eq!(next(ms(1)), ms(2));
+        assert_eq!(next(ms(7)), ms(8));
+    }
+
+    #[test]
+    fn each_port_has_its_counters() {
+        let bytes = std::array::from_fn(|at| at as u8);
+        let errors = PortErrors::read(bytes);
+        assert_eq!(errors.invalid_frames, [0, 2, 4, 6]);
+        assert_eq!(errors.receive_errors, [1, 3, 5, 7]);
+        assert_eq!(errors.forwarded, [8, 9, 10, 11]);
+        assert_eq!(errors.lost_links, [16, 17, 18, 19]);
+    }
+}
