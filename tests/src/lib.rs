@@ -13,6 +13,7 @@ pub mod injection;
 pub mod journal;
 pub mod lateness;
 pub mod matrix;
+pub mod namespace;
 pub mod nets;
 pub mod process;
 pub mod processes;

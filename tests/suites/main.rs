@@ -16,6 +16,7 @@ mod doctor;
 mod endurance;
 mod errors_at_start;
 mod errors_in_motion;
+mod ethercat;
 mod events;
 mod evidence;
 mod examples;

@@ -47,6 +47,8 @@ pub struct Ethercat {
     /// Number of the last exchange that the host got, and its time.
     seen: u64,
     seen_at: Option<Instant>,
+    /// Time of the last complete exchange.
+    complete_at: Instant,
     /// Lost exchanges in a row.
     lost: u32,
     /// Bit 0: the last exchange was complete; bit 1: the one before; and so on.
@@ -84,6 +86,7 @@ impl Driver for Ethercat {
             line: None,
             seen: 0,
             seen_at: None,
+            complete_at: Instant::now(),
             lost: 0,
             history: u64::MAX,
             commanded: [0; 2],
@@ -200,7 +203,9 @@ impl Ethercat {
             Cycle::Lost(loss) => {
                 self.lost += 1;
                 self.history <<= 1;
-                if self.lost >= self.settings.lost_after {
+                // The host counts a device without exchanges for this time as lost; it must not come and go.
+                let silent = self.complete_at.elapsed() >= self.silence_max;
+                if self.lost >= self.settings.lost_after || silent {
                     return Err(self.lose(state, loss));
                 }
                 (false, 0)
@@ -208,6 +213,7 @@ impl Ethercat {
         };
         if complete {
             self.lost = 0;
+            self.complete_at = Instant::now();
             self.history = self.history << 1 | 1;
             self.points.inputs(&state.image, inputs);
         } else {

@@ -246,6 +246,9 @@ pub enum SessionError {
         /// Its own reason, as `, because of …`; empty if it gave none.
         cause: String,
     },
+    /// A terminal was without power.
+    #[error("a terminal was without power: the line must be started again")]
+    Restarted,
     /// The network interface failed while exchanging.
     #[error("frames cannot be exchanged: {0}")]
     Network(String),

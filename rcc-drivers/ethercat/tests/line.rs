@@ -188,6 +188,40 @@ fn a_pulled_cable_is_a_lost_exchange_and_never_a_value() {
 }
 
 #[test]
+fn a_terminal_that_was_without_power_ends_the_session_when_it_is_back() {
+    with_line("without-power", |mut sim| {
+        let (mut complete, mut lost) = (0, 0);
+        let result = run(&options(), |_, cycle| {
+            match cycle {
+                Cycle::Complete => {
+                    complete += 1;
+                    if complete == 10 {
+                        sim.ask(r#"{"kill":3}"#);
+                    }
+                }
+                Cycle::Lost(Loss::WorkingCounter { have, want }) if complete >= 10 => {
+                    assert_eq!((have, want), (3, 6));
+                    lost += 1;
+                    // Not before: the terminals in front of it get their outputs.
+                    if lost == 500 {
+                        sim.ask(r#"{"start":3}"#);
+                    }
+                }
+                _ => {}
+            }
+            ControlFlow::Continue(())
+        });
+        assert_eq!(result, Err(SessionError::Restarted));
+        assert!(lost >= 500, "{lost}");
+        let again = run(&options(), |_, cycle| match cycle {
+            Cycle::Complete => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        });
+        assert_eq!(again, Ok(()));
+    });
+}
+
+#[test]
 fn another_line_is_told_by_its_position() {
     with_line("another-line", |_sim| {
         let mut options = options();

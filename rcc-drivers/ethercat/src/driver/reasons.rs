@@ -65,7 +65,7 @@ pub fn of(error: &SessionError) -> u32 {
         | SessionError::Object { .. }
         | SessionError::Image(_) => WRONG_LINE,
         SessionError::Start { .. } => START,
-        SessionError::Left { .. } => LEFT,
+        SessionError::Left { .. } | SessionError::Restarted => LEFT,
     }
 }
 

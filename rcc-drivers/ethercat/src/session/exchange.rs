@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use async_io::Timer;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{HasPdi, Op, SafeOp};
-use ethercrab::{AlStatusCode, MainDevice, SubDeviceState};
+use ethercrab::{AlStatusCode, Command, MainDevice, RegisterAddress, SubDeviceState};
 use futures_lite::future;
 
 use super::start::{self, Group};
@@ -18,6 +18,8 @@ use super::{
 const END_STEP: Duration = Duration::from_millis(10);
 /// At the end, time for the terminals to switch their outputs off by themselves.
 const SWITCH_OFF: Duration = Duration::from_millis(200);
+/// Time without a complete exchange after which a terminal that does not answer may have been without power.
+const POWER_LOST: Duration = Duration::from_millis(300);
 /// Time between two readings of error counters, of one terminal after the other.
 const ERRORS_EVERY: Duration = Duration::from_millis(250);
 
@@ -54,6 +56,8 @@ pub(super) async fn hold(
         application,
         image,
         next: Instant::now(),
+        complete_at: Instant::now(),
+        unanswered: false,
     };
     let Some(group) = session.observe(group).await? else {
         return Ok(());
@@ -79,6 +83,10 @@ struct Session<'a, A> {
     image: Vec<TerminalImage>,
     /// Start of the next period.
     next: Instant,
+    /// Time of the last complete exchange, or of the last question whether all terminals are there.
+    complete_at: Instant,
+    /// A terminal gave no state in the last answer.
+    unanswered: bool,
 }
 
 impl<A: Application> Session<'_, A> {
@@ -93,6 +101,7 @@ impl<A: Application> Session<'_, A> {
             if self.application.cycle(&mut self.image, cycle).is_break() {
                 return Ok(None);
             }
+            self.find_restarted().await?;
             self.wait().await;
         }
         // Not waited for here: the outputs must flow meanwhile, or their watchdogs expire.
@@ -118,6 +127,7 @@ impl<A: Application> Session<'_, A> {
             if self.application.cycle(&mut self.image, cycle).is_break() {
                 return Ok(());
             }
+            self.find_restarted().await?;
             if cycle == Cycle::Complete && errors_at <= Instant::now() {
                 errors_at = Instant::now() + ERRORS_EVERY;
                 if let Some(position) = errors.next() {
@@ -125,6 +135,24 @@ impl<A: Application> Session<'_, A> {
                 }
             }
             self.wait().await;
+        }
+    }
+
+    /// A terminal that was without power is in INIT and has no address, so it never takes part again: if one does not answer by
+    /// its address although all are there, the session ends. Until they are, the others get their outputs.
+    async fn find_restarted(&mut self) -> Result<(), SessionError> {
+        if !self.unanswered || self.complete_at.elapsed() < POWER_LOST {
+            return Ok(());
+        }
+        self.complete_at = Instant::now();
+        let count = u16::try_from(self.image.len()).unwrap_or(u16::MAX);
+        let asked = async {
+            let all = Command::brd(RegisterAddress::Type.into()).with_wkc(count);
+            all.receive::<u8>(self.main).await.ok()
+        };
+        match future::or(asked, after(self.options.timeout)).await {
+            Some(_) => Err(SessionError::Restarted),
+            None => Ok(()),
         }
     }
 
@@ -147,9 +175,11 @@ impl<A: Application> Session<'_, A> {
         }
         let answer = async { group.tx_rx(self.main).await.ok() };
         let Some(answer) = future::or(answer, after(self.options.timeout)).await else {
+            self.unanswered = true;
             return Ok(Cycle::Lost(Loss::Silent));
         };
         self.application.states(&answer.subdevice_states);
+        self.unanswered = answer.subdevice_states.contains(&SubDeviceState::None);
         let (have, want) = (answer.working_counter, expected_counter(&self.image));
         if have != want {
             return Ok(Cycle::Lost(Loss::WorkingCounter { have, want }));
@@ -167,6 +197,7 @@ impl<A: Application> Session<'_, A> {
         for (terminal, image) in group.iter(self.main).zip(&mut self.image) {
             image.inputs.copy_from_slice(&terminal.inputs_raw());
         }
+        self.complete_at = Instant::now();
         Ok(Cycle::Complete)
     }
 

@@ -178,9 +178,7 @@ fn look_every(request: &StreamRequest) -> Duration {
     match (request.monitors.is_empty(), request.states) {
         (true, true) => LOOK_EVERY_MIN,
         (true, false) => LOOK_EVERY,
-        (false, _) => {
-            Duration::from_secs_f64(1.0 / request.rate).clamp(LOOK_EVERY_MIN, LOOK_EVERY)
-        }
+        (false, _) => Duration::from_secs_f64(1.0 / request.rate).clamp(LOOK_EVERY_MIN, LOOK_EVERY),
     }
 }
 
