@@ -1,6 +1,7 @@
 //! `import trajectory` as a user types it: files of ROS become nets that `check` accepts and that move a simulated arm through
 //! their points, or are refused with joint and value. Needs no cell.
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -147,15 +148,7 @@ fn the_arm_is_at_each_point_at_its_time() {
                 .collect()
         })
         .collect();
-    let start = [
-        0.0,
-        -std::f64::consts::FRAC_PI_6,
-        0.0,
-        std::f64::consts::FRAC_PI_2,
-        0.0,
-        -std::f64::consts::FRAC_PI_3,
-        0.0,
-    ];
+    let start = [0.0, -FRAC_PI_6, 0.0, FRAC_PI_2, 0.0, -FRAC_PI_3, 0.0];
     let points = [
         (0, [0.0; 7]),
         (1000, [0.2, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0]),

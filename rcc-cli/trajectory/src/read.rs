@@ -4,8 +4,8 @@ use rcc_config::codes::{self, Code};
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::{self, Node, Value};
 
-/// Largest number of points: as many as `Lookup` has.
-const POINTS_MAX: usize = 1024;
+/// Largest number of points: as many as `Lookup` has, less one for a start that is given besides.
+const POINTS_MAX: usize = 1023;
 /// Longest trajectory, s: a day.
 const TIME_MAX_S: f64 = 86_400.0;
 /// Keys of messages and goals around a `JointTrajectory`.

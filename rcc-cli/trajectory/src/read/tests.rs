@@ -141,3 +141,23 @@ fn says_that_a_list_was_cut_by_topic_echo() {
         "{fault:?}"
     );
 }
+
+#[test]
+fn refuses_more_points_than_a_net_can_look_up() {
+    let points = |count: usize| {
+        let points = (0..count).map(|number| {
+            format!(
+                "{{positions: [0, 1], time_from_start: {}}}",
+                number as f64 * 0.01
+            )
+        });
+        with(&points.collect::<Vec<_>>().join(", "))
+    };
+    assert_eq!(read(&points(1023)).map(|read| read.points.len()), Ok(1023));
+    let refused = faults(&points(1024));
+    assert_eq!(refused[0].0, codes::TOO_MANY.code);
+    assert!(
+        refused[0].1.contains("1024 points, the maximum is 1023"),
+        "{refused:?}"
+    );
+}
