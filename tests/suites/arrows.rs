@@ -119,7 +119,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     // The template: it uses the kit alone.
-    ("line-io", &["rcc-driver-kit"]),
+    ("line-drivers", &["rcc-driver-kit"]),
     (
         "rcc-drivers",
         &[

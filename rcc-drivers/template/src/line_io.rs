@@ -1,27 +1,24 @@
-//! The template: a driver for a small I/O box that answers lines of text over UDP. Copy it to write a driver, see
-//! `docs/drivers.md`.
+//! A driver for a small I/O box that answers lines of text over UDP.
 //! Run by the host's thread, which waits in [`Driver::receive`] only.
 //!
-//! Each period the driver sends `get N` and receives `is N d1=1 a1=0.25`, then it sends `set N d1=0 a1=0.5`. Every line
-//! ends with `#` and the CRC-32 of the text before it. The box forgets its outputs when it receives `get 0`, and
+//! Each period the driver sends `get N` and receives `is N d1=1 a1=0.25`, then it sends `set N d1=0 a1=0.5`. The box forgets its outputs when it receives `get 0`, and
 //! ignores a `set` whose number is not greater than the last one.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use rcc_driver_kit::driver::{
     Driver, DriverError, Exchange, Inputs, LinkError, Outputs, PeriodTimer, Settings,
-    channel_error, channels, to_raw, to_si,
 };
 use rcc_driver_kit::host::output_release::OutputRelease;
 use rcc_driver_kit::host::reason::Reason;
-use rcc_driver_kit::rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_driver_kit::rcc_config::DeviceConfig;
 use rcc_driver_kit::rcc_core::impedance::ControlMode;
 use rcc_driver_kit::rcc_core::message::JOINTS_MAX;
-use rcc_driver_kit::rcc_core::primitive::ChannelKind;
+
+use crate::text_line::{LINE_MAX, LineChannels, is_pause, parse, seal, unseal};
 
 // 1. What can be wrong with the device, in words for users; a driver's numbers start at 100.
 
@@ -34,17 +31,7 @@ pub const REASONS: &[Reason] = &[(
     "the I/O box cannot be reached at settings.box: check its power and the cable",
 )];
 
-/// Longest line, bytes.
-const LINE_MAX: usize = 1024;
-
 // 2. The driver: the socket, the settings, and the state between two exchanges.
-
-/// A channel and its number on the box.
-#[derive(Clone, Debug)]
-struct LineChannel {
-    number: u64,
-    config: ChannelConfig,
-}
 
 /// The driver.
 #[derive(Debug)]
@@ -52,8 +39,7 @@ pub struct LineIo {
     socket: UdpSocket,
     timer: PeriodTimer,
     timeout: Duration,
-    /// By kind: digital in, digital out, analog in, analog out; in order of their index.
-    points: [Vec<LineChannel>; 4],
+    channels: LineChannels,
     /// Values of the outputs without a command.
     released: Outputs,
     /// Time of the last answer; after `silence_max` without one, the driver sends the released outputs itself.
@@ -91,12 +77,7 @@ impl Driver for LineIo {
             socket,
             timer: PeriodTimer::new(period),
             timeout,
-            points: [
-                points(device, ChannelKind::DigitalInput)?,
-                points(device, ChannelKind::DigitalOutput)?,
-                points(device, ChannelKind::AnalogInput)?,
-                points(device, ChannelKind::AnalogOutput)?,
-            ],
+            channels: LineChannels::of(device)?,
             released: *OutputRelease::new(device).values(),
             last_answer: Instant::now(),
             silence_max: Duration::from_nanos(device.command_timeout_ns).max(5 * period),
@@ -113,7 +94,7 @@ impl Driver for LineIo {
         self.send_line(&format!("get {}", self.number))?;
         self.number += 1;
         let read = self.receive_answer()?;
-        let Some(read) = read.and_then(|values| self.inputs(&values)) else {
+        let Some(read) = read.and_then(|values| self.channels.inputs(&values)) else {
             self.late += 1;
             // The box may receive our lines although its answers are lost: the host does not answer a silent device, so
             // the safe values are sent here.
@@ -142,17 +123,7 @@ impl Driver for LineIo {
     // 5. The answer: the host's outputs in wire format. An output without a value is not mentioned.
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
         let mut line = format!("set {}", self.number - 1);
-        let [_, digital, _, analog] = &self.points;
-        for (point, bit) in digital.iter().zip(0..) {
-            if outputs.digital_set >> bit & 1 == 1 {
-                push(&mut line, 'd', point.number, outputs.digital >> bit & 1);
-            }
-        }
-        for (point, value) in analog.iter().zip(outputs.analog) {
-            if value.is_finite() {
-                push(&mut line, 'a', point.number, to_raw(&point.config, value));
-            }
-        }
+        self.channels.push_outputs(&mut line, outputs);
         self.send_line(&line)
     }
 
@@ -197,94 +168,6 @@ impl LineIo {
         let (word, number, values) = parse(unseal(bytes)?)?;
         (word == "is" && number + 1 == self.number).then_some(values)
     }
-
-    /// Returns the inputs of a complete answer.
-    fn inputs(&self, values: &BTreeMap<String, f64>) -> Option<Inputs> {
-        let mut inputs = Inputs::NONE;
-        let [digital, _, analog, _] = &self.points;
-        for (point, bit) in digital.iter().zip(0..) {
-            let on = *values.get(&format!("d{}", point.number))? != 0.0;
-            inputs.digital |= u64::from(on) << bit;
-            inputs.digital_known |= 1 << bit;
-        }
-        for (point, place) in analog.iter().zip(&mut inputs.analog) {
-            *place = to_si(&point.config, *values.get(&format!("a{}", point.number))?);
-        }
-        Some(inputs)
-    }
-}
-
-// 7. Channels: the driver defines what an `address` means; an error names the channel and the expected value.
-
-fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<LineChannel>, DriverError> {
-    let expected = "a number from 1 to 16 that no other channel of this kind has";
-    let mut found: Vec<LineChannel> = Vec::new();
-    for channel in channels(device, kind) {
-        let number = channel
-            .address
-            .as_u64()
-            .filter(|number| (1..=16).contains(number));
-        let number = number.ok_or_else(|| {
-            let cause = format!("the box has no channel {}", channel.address);
-            channel_error(device, channel, cause, expected)
-        })?;
-        if let Some(other) = found.iter().find(|other| other.number == number) {
-            let cause = format!("number {number} is already used by '{}'", other.config.name);
-            return Err(channel_error(device, channel, cause, expected));
-        }
-        found.push(LineChannel {
-            number,
-            config: channel.clone(),
-        });
-    }
-    Ok(found)
-}
-
-// 8. The wire format as pure functions: tested without a socket, and also used by the simulated box.
-
-fn push(line: &mut String, kind: char, number: u64, value: impl std::fmt::Display) {
-    // Writing to a String cannot fail.
-    let _ = write!(line, " {kind}{number}={value}");
-}
-
-/// Appends the checksum to a line.
-fn seal(line: &str) -> String {
-    format!("{line}#{:08x}", crc32(line.as_bytes()))
-}
-
-/// Returns the line in these bytes, if its checksum is correct.
-fn unseal(bytes: &[u8]) -> Option<&str> {
-    let (line, check) = std::str::from_utf8(bytes).ok()?.rsplit_once('#')?;
-    (check == format!("{:08x}", crc32(line.as_bytes()))).then_some(line)
-}
-
-/// Returns word, number and values of a line; every value is finite.
-fn parse(line: &str) -> Option<(&str, u64, BTreeMap<String, f64>)> {
-    let mut words = line.split(' ');
-    let (word, number) = (words.next()?, words.next()?.parse().ok()?);
-    let values = words.map(|pair| {
-        let (name, value) = pair.split_once('=')?;
-        let value = value
-            .parse::<f64>()
-            .ok()
-            .filter(|value| value.is_finite())?;
-        Some((name.to_owned(), value))
-    });
-    Some((word, number, values.collect::<Option<_>>()?))
-}
-
-/// CRC-32 as in IEEE 802.3.
-fn crc32(bytes: &[u8]) -> u32 {
-    let step = |crc: u32, _: u32| (crc >> 1) ^ (0xedb8_8320 * (crc & 1));
-    let byte = |crc: u32, byte: &u8| (0..8).fold(crc ^ u32::from(*byte), step);
-    !bytes.iter().fold(!0, byte)
-}
-
-fn is_pause(error: &io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-    )
 }
 
 fn lost(error: &io::Error) -> LinkError {
@@ -292,7 +175,7 @@ fn lost(error: &io::Error) -> LinkError {
     LinkError::Lost { reason: SOCKET }
 }
 
-// 9. The tests: the conformance suite, and the details of this wire.
+// 7. The tests: the conformance suite.
 
 #[cfg(test)]
 mod conforms;
