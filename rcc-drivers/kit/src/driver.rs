@@ -321,10 +321,15 @@ pub trait LinkDiagnosis: Send + Sync + std::fmt::Debug {
     fn link(&self) -> serde_json::Value;
 }
 
-/// Converts a raw value of the wire to SI units.
+/// Converts a raw value of the wire to SI units; NaN if it is not finite, or outside of the channel's range.
 #[must_use]
 pub fn to_si(channel: &ChannelConfig, raw: f64) -> f64 {
-    raw * channel.scale + channel.offset
+    let value = raw * channel.scale + channel.offset;
+    let is_inside = |[lower, upper]: [f64; 2]| lower <= value && value <= upper;
+    match value.is_finite() && channel.range.is_none_or(is_inside) {
+        true => value,
+        false => f64::NAN,
+    }
 }
 
 /// Converts an SI value to the raw value of the wire, without rounding.
