@@ -15,6 +15,8 @@ use crate::text_line::{LINE_MAX, is_pause, parse, push, seal, unseal};
 const ANSWERS_TO_GO: u32 = 10;
 /// Periods without an answer after which it does not follow any more.
 const MISSED_MAX: u32 = 20;
+/// Most datagrams that are read in one period.
+const BURST_MAX: usize = 64;
 /// Largest difference of an answer that repeats the position, rad.
 const REPEATED_RAD: f64 = 1e-6;
 
@@ -129,29 +131,43 @@ impl SimulatedArm {
     pub fn run(mut self, driver: SocketAddr, period: Duration) -> io::Result<()> {
         let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
         let mut next = Instant::now();
-        let mut bytes = [0; LINE_MAX];
         loop {
+            // Periods in which this process slept are counted: the driver plays set-points by this number.
+            let behind = Instant::now().saturating_duration_since(next);
+            let skipped = behind.as_nanos() / period.as_nanos().max(1);
+            let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
+            self.number += u64::from(skipped);
+            next += period.saturating_mul(skipped + 1);
             // Nobody may listen yet.
             drop(socket.send_to(self.tick().as_bytes(), driver));
-            next = (next + period).max(Instant::now());
-            loop {
-                let left = next.saturating_duration_since(Instant::now());
-                if left.is_zero() {
-                    break;
+            self.take_answers(&socket, driver, next)?;
+        }
+    }
+
+    /// Takes answers until `end`, and after it those that have arrived while this process slept.
+    fn take_answers(
+        &mut self,
+        socket: &UdpSocket,
+        driver: SocketAddr,
+        end: Instant,
+    ) -> io::Result<()> {
+        let mut bytes = [0; LINE_MAX];
+        for _ in 0..BURST_MAX {
+            let left = end.saturating_duration_since(Instant::now());
+            // 0 would wait for ever.
+            socket.set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
+            match socket.recv_from(&mut bytes) {
+                Ok((size, from)) if from == driver => {
+                    self.take(bytes.get(..size).unwrap_or_default());
                 }
-                socket.set_read_timeout(Some(left))?;
-                match socket.recv_from(&mut bytes) {
-                    Ok((size, from)) if from == driver => {
-                        self.take(bytes.get(..size).unwrap_or_default());
-                    }
-                    Ok(_) => {}
-                    Err(error) if is_pause(&error) => break,
-                    // The driver's socket does not exist yet.
-                    Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {}
-                    Err(error) => return Err(error),
-                }
+                Ok(_) => {}
+                Err(error) if is_pause(&error) => return Ok(()),
+                // The driver's socket does not exist yet.
+                Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {}
+                Err(error) => return Err(error),
             }
         }
+        Ok(())
     }
 }
 
