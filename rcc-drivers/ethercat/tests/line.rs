@@ -200,9 +200,11 @@ fn a_terminal_that_was_without_power_ends_the_session_when_it_is_back() {
                     }
                 }
                 Cycle::Lost(Loss::WorkingCounter { have, want }) if complete >= 10 => {
-                    assert_eq!((have, want), (3, 6));
                     lost += 1;
-                    // Not before: the terminals in front of it get their outputs.
+                    // Until then the terminals in front of it get their outputs.
+                    if lost <= 500 {
+                        assert_eq!((have, want), (3, 6));
+                    }
                     if lost == 500 {
                         sim.ask(r#"{"start":3}"#);
                     }
