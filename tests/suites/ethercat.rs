@@ -171,7 +171,13 @@ fn a_line_without_power_and_its_simulator_come_back() {
 #[test]
 fn a_wrong_working_counter_is_null_at_once_and_a_loss_after_the_configured_number() {
     let cell = TestCell::start(&shipped(), |text| {
-        patient(text).replace("lost_after: 5", "lost_after: 2000")
+        // Without a complete exchange for `command_timeout` the device is lost, too.
+        patient(text)
+            .replace("lost_after: 5", "lost_after: 2000")
+            .replace(
+                "driver: ethercat",
+                "driver: ethercat\n    command_timeout: 5 s",
+            )
     });
     let mut line = cell.simulator("line-sim");
     let id = cell.run(ALL_ON);
