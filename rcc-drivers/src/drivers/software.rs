@@ -28,6 +28,8 @@ pub const ENDED: u32 = 100;
 pub const STARTING: u32 = 101;
 /// The newest values are too old.
 pub const LATE: u32 = 102;
+/// A value is outside of its channel's range.
+pub const RANGE: u32 = 103;
 
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
@@ -42,6 +44,10 @@ pub const REASONS: &[Reason] = &[
     (
         LATE,
         "the program of settings.command answers later than settings.timeout: its values are null until it does",
+    ),
+    (
+        RANGE,
+        "the program of settings.command gives a value outside of its channel's range: that value is null",
     ),
 ];
 
@@ -129,6 +135,10 @@ impl Driver for Software {
             }
         };
         *inputs = self.inputs(reason == LATE);
+        let reason = match reason {
+            0 if self.is_out_of_range(inputs) => RANGE,
+            reason => reason,
+        };
         Ok(Exchange {
             strategy: ControlMode::Position,
             commandable: true,
@@ -136,7 +146,7 @@ impl Driver for Software {
             mirror: [0.0; JOINTS_MAX],
             ticks,
             period_ns: self.timer.period_ns(),
-            quality_permille: if reason == 0 { 1000 } else { 0 },
+            quality_permille: if reason == LATE { 0 } else { 1000 },
             reason,
             late: self.program.late(),
             refused: self.refused,
@@ -179,6 +189,15 @@ impl Software {
             };
         }
         inputs
+    }
+
+    /// Returns true if the program gave an analog value that is unknown nevertheless.
+    fn is_out_of_range(&self, inputs: &Inputs) -> bool {
+        let [_, _, analog, _] = &self.points;
+        let mut rows = analog.iter().zip(inputs.analog);
+        let newest = self.newest.as_ref();
+        let given = |point| newest.is_some_and(|values| values.analog(key(point)).is_some());
+        rows.any(|(point, value)| value.is_nan() && given(point))
     }
 
     fn frame(&self, outputs: &Outputs) -> Frame {

@@ -425,11 +425,6 @@ impl InputTarget {
     /// Returns the SI value of registers; NaN if it is not finite, or outside the channel's range.
     #[must_use]
     pub fn number(format: RegisterFormat, config: &ChannelConfig, registers: &[u16]) -> f64 {
-        let value = to_si(config, format.decode(registers));
-        match config.range {
-            Some([lower, upper]) if !(value >= lower && value <= upper) => f64::NAN,
-            _ if value.is_finite() => value,
-            _ => f64::NAN,
-        }
+        to_si(config, format.decode(registers))
     }
 }

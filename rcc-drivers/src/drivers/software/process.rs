@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use rcc_driver_kit::driver::LinkDiagnosis;
+use rcc_process::log_throttle::LogThrottle;
 use serde_json::{Value, json};
 
 use super::message::{Frame, Values};
@@ -62,6 +63,7 @@ struct Last {
     frame: Option<(u64, Instant)>,
     /// Why the last line was refused, and how the program ended.
     words: String,
+    throttle: LogThrottle,
 }
 
 /// A program and its threads.
@@ -160,12 +162,14 @@ impl LinkDiagnosis for Shared {
 }
 
 impl Shared {
+    /// Keeps words for `doctor`, and writes them to the log, at most once a second: a program may give any number of wrong
+    /// lines.
     fn tell(&self, words: String) {
-        tracing::warn!("{words}");
-        self.last
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .words = words;
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(others) = last.throttle.admit(Instant::now()) {
+            tracing::warn!("{words}; {others} similar messages suppressed");
+        }
+        last.words = words;
     }
 
     fn sent(&self, number: u64) -> Option<Instant> {

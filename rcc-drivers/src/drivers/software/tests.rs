@@ -10,7 +10,7 @@ use rcc_driver_kit::conformance;
 use rcc_driver_kit::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
 use serde_json::{Value, json};
 
-use super::{ENDED, LATE, STARTING, Software};
+use super::{ENDED, LATE, RANGE, STARTING, Software};
 
 /// Longest wait for a program; Python starts slowly on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -108,6 +108,20 @@ fn a_value_that_is_left_out_is_unknown_and_one_of_the_wrong_type_too() {
     until(&mut driver, &Outputs::NONE, |result, inputs| {
         result.is_ok() && inputs.analog[0].is_nan()
     });
+}
+
+#[test]
+fn a_value_outside_of_its_range_is_unknown_and_the_reason_says_so() {
+    let mut device = device(&ANSWERING.replace("VALUES", "{'x': 1.0 if frame % 2 else 3.0}"));
+    device.channels[3].range = Some([0.0, 2.0]);
+    let mut driver = opened(&device);
+    let is = |reason: u32, value: fn(f64) -> bool| {
+        move |result: &Result<Exchange, LinkError>, inputs: &Inputs| {
+            result.is_ok_and(|exchange| exchange.reason == reason) && value(inputs.analog[0])
+        }
+    };
+    until(&mut driver, &Outputs::NONE, is(RANGE, f64::is_nan));
+    until(&mut driver, &Outputs::NONE, is(0, |value| value == 1.0));
 }
 
 #[test]
