@@ -157,8 +157,8 @@ mod tests {
         });
         assert_eq!(
             count.get(),
-            5,
-            "convert, graph, incidents fetch, plot, robot import"
+            6,
+            "convert, graph, import trajectory, incidents fetch, plot, robot import"
         );
     }
 

@@ -194,7 +194,7 @@ fn a_driver_with_a_program_of_its_own_gets_raw_packets_and_no_more() {
     let files = root.files();
     let driver = &files["etc/systemd/system/rcc-driver@ethercat.line.service.d/50-cell.conf"];
     for line in [
-        "ExecStart=/opt/rcc/bin/rcc-ethercat",
+        r#"ExecStart="/opt/rcc/bin/rcc-ethercat""#,
         "CapabilityBoundingSet=CAP_NET_RAW",
         "RestrictAddressFamilies=AF_PACKET",
     ] {
