@@ -13,6 +13,7 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use rcc_core::message::{ClockState, ClockStatus};
 use rcc_drivers::fri_lwr::wire::{CMD_SIZE, MSR_SIZE};
 use rcc_os::clock::monotonic_ns;
+use rcc_testing::quantile;
 use rcc_tests::reference::promote;
 use rcc_tests::{TestCell, await_some};
 use serde_json::Value;
@@ -253,9 +254,7 @@ fn free_udp_port() -> io::Result<u16> {
 impl Figures {
     /// Returns the latency at this quantile (0 to 1), ms.
     fn part(&self, part: f64) -> f64 {
-        let last = self.latencies_ns.len().saturating_sub(1);
-        let place = (part * last as f64).round() as usize;
-        self.latencies_ns.get(place).copied().unwrap_or(0) as f64 * 1e-6
+        quantile(&self.latencies_ns, part).unwrap_or(0) as f64 * 1e-6
     }
 
     /// Returns the share of the packets answered within 1 ms, before the next packet, %.

@@ -13,7 +13,6 @@ pub mod injection;
 pub mod journal;
 pub mod lateness;
 pub mod matrix;
-pub mod namespace;
 pub mod nets;
 pub mod process;
 pub mod processes;

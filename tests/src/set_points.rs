@@ -9,6 +9,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use rcc_os::clock::{monotonic_ns, sleep_until};
+use rcc_testing::quantile;
 use serde_json::Value;
 
 use crate::TestCell;
@@ -57,8 +58,8 @@ pub struct MeasuredRow {
 
 impl fmt::Display for MeasuredRow {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ms = |part| at(&self.latencies, part) as f64 * 1e-6;
-        let us = |part| at(&self.cycles, part) as f64 * 1e-3;
+        let ms = |part| quantile(&self.latencies, part).unwrap_or(0) as f64 * 1e-6;
+        let us = |part| quantile(&self.cycles, part).unwrap_or(0) as f64 * 1e-3;
         let rate = self.set as f64 / (self.took_ns.max(1) as f64 * 1e-9);
         write!(
             formatter,
@@ -79,12 +80,6 @@ impl fmt::Display for MeasuredRow {
 pub const HEADING: &str = "\
 | | set per second | superseded | p50, ms | p99, ms | max, ms | cycle p50, µs | cycle p99, µs | late cycles |
 |---|---|---|---|---|---|---|---|---|";
-
-fn at(sorted: &[u64], part: f64) -> u64 {
-    let last = sorted.len().saturating_sub(1);
-    let index = (last as f64 * part).round() as usize;
-    sorted.get(index).copied().unwrap_or(0)
-}
 
 /// Measures everything of the plan in a cell of its own.
 pub fn measure(plan: &MeasurementPlan) -> Vec<MeasuredRow> {

@@ -5,6 +5,8 @@ use std::fmt;
 use std::fs;
 use std::time::Duration;
 
+use rcc_testing::quantile;
+
 use crate::cell_fixture::CellFixture;
 use crate::records::RecordCollector;
 use crate::{TestCell, await_some, repository};
@@ -61,7 +63,8 @@ impl fmt::Display for AgeRow {
             let (period, cycles, nulls) = (self.period_ms, self.cycles, self.nulls);
             write!(formatter, "| {period} ms | {name} | {cycles} | {nulls} |")?;
             for part in [0.0, 0.5, 0.9, 0.99, 0.999, 1.0] {
-                write!(formatter, " {:.2} |", at(sorted, part) * 1e3)?;
+                let value = quantile(sorted, part).unwrap_or(f64::NAN);
+                write!(formatter, " {:.2} |", value * 1e3)?;
             }
             if name == "`age`" {
                 writeln!(formatter)?;
@@ -69,12 +72,6 @@ impl fmt::Display for AgeRow {
         }
         Ok(())
     }
-}
-
-fn at(sorted: &[f64], part: f64) -> f64 {
-    let last = sorted.len().saturating_sub(1);
-    let index = (last as f64 * part).round() as usize;
-    sorted.get(index).copied().unwrap_or(f64::NAN)
 }
 
 /// Measures for `time` in a cell of its own.

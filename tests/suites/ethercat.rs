@@ -4,8 +4,8 @@
 use std::process::Command;
 
 use rcc_protocol::Role;
+use rcc_testing::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
 use rcc_tests::cell_fixture::CellFixture;
-use rcc_tests::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
 use rcc_tests::processes::ends_with_test;
 use rcc_tests::simulator::Simulator;
 use rcc_tests::{TestCell, await_some, program, repository};

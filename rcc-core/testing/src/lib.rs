@@ -1,14 +1,17 @@
-//! Shared by tests and benchmarks of several packages: arms, random numbers, temporary folders, and the growth of work
-//! with the size of an input. Any thread.
+//! Shared by tests and benchmarks of several packages: arms, random numbers, temporary folders, network
+//! namespaces, quantiles, and the growth of work with the size of an input. Any thread.
 
 pub mod arms;
 pub mod formulas;
+pub mod namespace;
+mod quantile;
 pub mod random;
 pub mod work;
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
 
+pub use quantile::quantile;
 pub use random::{Random, Rng};
 pub use tempfile::TempDir;
 

@@ -1,7 +1,7 @@
 //! Exchanges of the driver `ethercat` with `ethercat-sim` over raw Ethernet, in a network namespace of its own: working counters
 //! and times between exchanges, then the cable pulled and put back again and again.
 //! `cargo run --release -p rcc-ethercat --example ethercat_cycle -- --minutes 10 --pulls 100` (as root); prints a table.
-//! The main thread is the driver's host.
+//! The thread in the namespace is the driver's host.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -10,11 +10,12 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use nix::sched::{CloneFlags, unshare};
 use rcc_driver_kit::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use rcc_driver_kit::priority::set_realtime_priority;
 use rcc_driver_kit::rcc_config::CellConfig;
 use rcc_ethercat::driver::Ethercat;
+use rcc_testing::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
+use rcc_testing::quantile;
 use serde_json::Value;
 
 /// Exchanges with a simulated line.
@@ -49,21 +50,12 @@ impl Drop for Simulator {
     }
 }
 
-fn ip(words: &str) {
-    let status = Command::new("ip").args(words.split(' ')).status();
-    assert!(status.expect("iproute2").success(), "ip {words}");
-}
-
 fn simulator() -> Simulator {
     let here = std::env::current_exe().expect("a program has a path");
     let folder = here.ancestors().nth(2).expect("target/PROFILE/examples");
     let mut child = Command::new(folder.join("ethercat-sim"))
-        .args([
-            "--nic=rcc1",
-            "--priority=60",
-            "--wire=2.1=1.1",
-            "--parent-death",
-        ])
+        .arg(format!("--nic={FAR}"))
+        .args(["--priority=60", "--wire=2.1=1.1", "--parent-death"])
         .stdout(Stdio::piped())
         .spawn()
         .expect("ethercat-sim beside this program: build it with the same profile");
@@ -79,7 +71,7 @@ fn simulator() -> Simulator {
 
 fn driver() -> Ethercat {
     let text = include_str!("../../../configs/cells/ethercat.yaml");
-    let text = text.replace("udp 127.0.0.1:${line}", "rcc0");
+    let text = text.replace("udp 127.0.0.1:${line}", NEAR);
     let ports = BTreeMap::from([("line".to_owned(), 1)]);
     let cell = CellConfig::parse(&text, "ethercat.yaml", Path::new(""), &ports);
     let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
@@ -124,19 +116,12 @@ fn count(link: &Value, key: &str) -> u64 {
     link[key].as_u64().unwrap_or(0)
 }
 
-/// Returns a value of a sorted list; `share` from 0 to 1.
+/// Returns a value of a sorted list, 0 if it is empty; `share` from 0 to 1.
 fn at(sorted: &[u64], share: f64) -> u64 {
-    let last = sorted.len().saturating_sub(1);
-    sorted
-        .get((share * last as f64).round() as usize)
-        .copied()
-        .unwrap_or(0)
+    quantile(sorted, share).unwrap_or(0)
 }
 
 fn run(options: &Options) {
-    ip("link add rcc0 type veth peer name rcc1");
-    ip("link set rcc0 up");
-    ip("link set rcc1 up");
     let _simulator = simulator();
     let mut driver = driver();
     set_realtime_priority(options.priority);
@@ -185,7 +170,7 @@ fn run(options: &Options) {
 fn pull(driver: &mut Ethercat, pulls: usize) {
     let (mut lost, mut back) = (Vec::new(), [Vec::new(), Vec::new()]);
     for number in 0..pulls {
-        ip("link set rcc1 down");
+        pull_cable();
         let pulled = Instant::now();
         let time = until(driver, "a lost line", |result| {
             matches!(result, Err(LinkError::Lost { .. }))
@@ -195,7 +180,7 @@ fn pull(driver: &mut Ethercat, pulls: usize) {
         if long {
             until(driver, "expired watchdogs", |_| pulled.elapsed() > OUT);
         }
-        ip("link set rcc1 up");
+        plug_cable();
         let time = until(driver, "the line is back", |result| {
             result.is_ok_and(|exchange| exchange.startable)
         });
@@ -216,8 +201,5 @@ fn pull(driver: &mut Ethercat, pulls: usize) {
 
 fn main() {
     let options = Options::parse();
-    if let Err(error) = unshare(CloneFlags::CLONE_NEWNET) {
-        return println!("skipped: ethercat_cycle (no network namespace: {error})");
-    }
-    run(&options);
+    in_namespace("ethercat_cycle", move || run(&options));
 }

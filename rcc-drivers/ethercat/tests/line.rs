@@ -6,7 +6,6 @@ use std::ops::ControlFlow;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use nix::sched::{CloneFlags, unshare};
 use rcc_drivers::sim::line_server::ControlClient;
 use rcc_ethercat::session::{
     Application, Cycle, ExpectedTerminal, FrameCounts, Loss, SessionError, SessionOptions,
@@ -14,6 +13,7 @@ use rcc_ethercat::session::{
 };
 use rcc_ethercat::terminals::{MODELS, Model, VENDOR};
 use rcc_ethercat::wire::Interface;
+use rcc_testing::namespace::{FAR, NEAR, in_namespace};
 use serde_json::Value;
 
 /// The simulator and its control port; dropping it ends the process.
@@ -41,25 +41,13 @@ impl Drop for Simulator {
     }
 }
 
-/// Runs `test` with a simulated line on `ecat1`, in a namespace of its own.
+/// Runs `test` with a simulated line on [`FAR`], in a namespace of its own.
 fn with_line(name: &'static str, test: impl FnOnce(Simulator) + Send + 'static) {
-    let thread = std::thread::spawn(move || {
-        if let Err(error) = unshare(CloneFlags::CLONE_NEWNET) {
-            println!("skipped: {name}: no network namespace ({error})");
-            return;
-        }
-        for words in [
-            "link add ecat0 type veth peer name ecat1",
-            "link set ecat0 up",
-            "link set ecat1 up",
-        ] {
-            let status = Command::new("ip").args(words.split(' ')).status();
-            assert!(status.expect("`ip` of iproute2").success(), "{words}");
-        }
+    in_namespace(name, move || {
         let folder = std::env::temp_dir().join(format!("{name}-{}", std::process::id()));
         let socket = folder.join("line.sock");
         let mut process = Command::new(env!("CARGO_BIN_EXE_ethercat-sim"))
-            .args(["--nic=ecat1", "--control"])
+            .args([&format!("--nic={FAR}"), "--control"])
             .arg(&socket)
             .stdout(Stdio::piped())
             .spawn()
@@ -77,9 +65,6 @@ fn with_line(name: &'static str, test: impl FnOnce(Simulator) + Send + 'static) 
             folder,
         });
     });
-    if let Err(panic) = thread.join() {
-        std::panic::resume_unwind(panic);
-    }
 }
 
 fn options() -> SessionOptions {
@@ -91,7 +76,7 @@ fn options() -> SessionOptions {
         objects: Vec::new(),
     };
     SessionOptions {
-        interface: Interface::Nic("ecat0".to_owned()),
+        interface: Interface::Nic(NEAR.to_owned()),
         line: MODELS.iter().take(4).map(terminal).collect(),
         period: Duration::from_millis(1),
         timeout: Duration::from_millis(50),
