@@ -12,7 +12,10 @@ use crate::workspace::{Workspace, WorkspaceGuard, WorkspaceViolation};
 mod impedance;
 
 /// Relative tolerance of every limit: set-points that use a limit fully are subject to rounding.
-const RELATIVE_TOLERANCE: f64 = 1e-9;
+pub const RELATIVE_TOLERANCE: f64 = 1e-9;
+/// Relative tolerance of a jerk limit where a trajectory is checked in advance: the jerk is a third difference of computed
+/// positions.
+pub const JERK_TOLERANCE: f64 = 1e-2;
 
 /// Differences of positions contain rounding errors; the tolerance for them is at most this part of a limit.
 const ROUNDING_MAX: f64 = 1e-3;

@@ -77,7 +77,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-client", &["rcc-api"]),
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
-    ("rcc-trajectory", &["rcc-config"]),
+    ("rcc-trajectory", &["rcc-core", "rcc-config", "rcc-motion"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
     // Used by tests and benchmarks only.
     ("rcc-testing", &["rcc-core"]),

@@ -28,7 +28,7 @@ pub struct Brake {
     pub change_per_s2: f64,
 }
 
-/// What one joint at one place leaves for a stop.
+/// State of one joint at one place of the path, and the limits that a stop must keep there.
 struct Margin {
     velocity: f64,
     acceleration: f64,

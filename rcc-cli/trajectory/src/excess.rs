@@ -4,15 +4,11 @@
 use std::fmt;
 
 use rcc_config::JointConfig;
+use rcc_core::guard::{JERK_TOLERANCE, RELATIVE_TOLERANCE};
 
 use crate::path::TrajectoryPath;
 
-/// As in the rehearsal: jerk is a third difference of computed positions.
-const JERK_TOLERANCE: f64 = 1e-2;
-/// As in the guard.
-const TOLERANCE: f64 = 1e-9;
-
-/// What is limited.
+/// A quantity with a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// rad
@@ -30,7 +26,7 @@ pub enum Quantity {
 pub struct Excess {
     /// Index of the joint.
     pub joint: usize,
-    /// What is beyond its limit.
+    /// The quantity that is beyond its limit.
     pub quantity: Quantity,
     /// Time from the start, s.
     pub time_s: f64,
@@ -103,13 +99,13 @@ pub fn excesses(path: &TrajectoryPath, joints: &[&JointConfig], period_s: f64) -
                     Quantity::Velocity,
                     velocity,
                     config.velocity_rad_s,
-                    TOLERANCE,
+                    RELATIVE_TOLERANCE,
                 ),
                 ratio(
                     Quantity::Acceleration,
                     acceleration,
                     config.acceleration_rad_s2,
-                    TOLERANCE,
+                    RELATIVE_TOLERANCE,
                 ),
                 ratio(Quantity::Jerk, jerk, config.jerk_rad_s3, JERK_TOLERANCE),
             ];

@@ -9,7 +9,7 @@ use crate::path::TrajectoryPath;
 /// Largest jerk of the pace, as a multiple of the change of its rate, 1/s: its phases of jerk take 5 ms.
 const PACE_JERK_PER_S: f64 = 200.0;
 
-/// What a net is made of.
+/// Name, arm, path and stop of a net.
 #[derive(Clone, Copy, Debug)]
 pub struct NetParts<'a> {
     /// Name of the net.

@@ -1,6 +1,7 @@
 //! The curve through the points: one polynomial of degree 5 for each joint between two points, continuous in position,
 //! velocity and acceleration. Run by whoever imports.
 
+use rcc_motion::geometry::quintic::Quintic;
 use thiserror::Error;
 
 use crate::read::{JointTrajectory, Point};
@@ -8,7 +9,7 @@ use crate::read::{JointTrajectory, Point};
 /// Velocity at the first or last point that counts as rest, rad/s.
 const REST_RAD_S: f64 = 1e-6;
 
-/// What the file gave of each point.
+/// Quantities that the file gives for each point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
     /// Positions: velocities and accelerations are those of a cubic spline at rest at both ends.
@@ -28,13 +29,13 @@ pub struct TrajectoryPath {
     pub sections: Vec<Vec<[f64; 6]>>,
     /// Positions at the end, rad.
     pub end: Vec<f64>,
-    /// What the file gave.
+    /// Quantities that the file gives for each point.
     pub interpolation: Interpolation,
     /// Largest |acceleration| that the file gives at the first or last point, rad/s². It is not used: an arm at rest has none.
     pub dropped_rad_s2: f64,
 }
 
-/// Points that are no motion from rest to rest.
+/// Why the points do not form a motion from rest to rest.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PathError {
     /// Only one point.
@@ -282,17 +283,9 @@ fn mean_accelerations(positions: &[f64], velocities: &[f64], times_s: &[f64]) ->
 
 /// Coefficients of the polynomial of degree 5 from one state (position, velocity, acceleration) to another.
 fn quintic(from: [f64; 3], to: [f64; 3], duration: f64) -> [f64; 6] {
-    let [p0, v0, a0] = [from[0], from[1] * duration, from[2] * duration * duration];
-    let [p1, v1, a1] = [to[0], to[1] * duration, to[2] * duration * duration];
-    let way = p1 - p0;
-    [
-        p0,
-        v0,
-        0.5 * a0,
-        10.0 * way - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1,
-        -15.0 * way + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1,
-        6.0 * way - 3.0 * (v0 + v1) - 0.5 * (a0 - a1),
-    ]
+    let end = |state: [f64; 3]| state.map(|value| [value]);
+    let [coefficients] = *Quintic::between(end(from), end(to), duration).coefficients();
+    coefficients
 }
 
 #[cfg(test)]

@@ -61,8 +61,8 @@ fn factor(text: &str) -> Result<f64, String> {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the file is no trajectory, if its joints are not those of the arm, if it is no motion from rest to rest, or if it
-/// passes a limit of the robot.
+/// Fails if the file is not a trajectory, if its joints are not those of the arm, if it does not begin and end at rest, or if
+/// it exceeds a limit of the robot.
 pub(super) fn run(context: &Context, arguments: &Arguments) -> Result<(), Failure> {
     let config = load_config(&config_or_demo(arguments.config.as_deref())?)?;
     let (device, robot) = arm(&config, arguments.device.as_deref())?;

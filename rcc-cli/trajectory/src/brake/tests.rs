@@ -29,7 +29,7 @@ fn stopped(brake: Brake, begin_s: f64) -> Vec<f64> {
     let (mut time, mut pace, mut rate) = (begin_s, 1.0_f64, 0.0_f64);
     let mut times = vec![begin_s - 2.0 * STEP_S, begin_s - STEP_S, begin_s];
     while pace > 1e-9 && times.len() < 100_000 {
-        // What is lost of the pace while the rate returns to 0.
+        // The pace decreases further while the rate returns to 0.
         let returning = rate * rate / (2.0 * brake.change_per_s2);
         let change = if returning >= pace { -1.0 } else { 1.0 };
         rate = (rate + change * brake.change_per_s2 * STEP_S).clamp(0.0, brake.rate_per_s);

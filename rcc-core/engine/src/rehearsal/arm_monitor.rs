@@ -1,7 +1,7 @@
 //! Checks the set-points of one arm in a rehearsal against its limits. Off the real-time thread.
 
 use rcc_core::frame::{DeviceModel, DeviceOutput};
-use rcc_core::guard::Guard;
+use rcc_core::guard::{Guard, JERK_TOLERANCE, RELATIVE_TOLERANCE};
 use rcc_core::impedance::Impedance;
 use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
 use rcc_core::workspace::{WorkspaceGuard, WorkspaceViolation};
@@ -9,10 +9,6 @@ use rcc_protocol::rehearsal::{
     LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule, SlowerMotion,
 };
 
-/// Relative tolerance for velocity and acceleration limits, as in the guard.
-const RELATIVE_TOLERANCE: f64 = 1e-9;
-/// Relative tolerance for jerk limits: the jerk is a third difference of computed positions.
-const JERK_TOLERANCE: f64 = 1e-2;
 /// Fraction of its velocity limit below which a joint counts as not moving.
 const STILL: f64 = 1e-9;
 

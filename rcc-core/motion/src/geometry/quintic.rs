@@ -40,6 +40,12 @@ impl<const N: usize> Quintic<N> {
         }
     }
 
+    /// Coefficients of the powers 0 to 5 of s/length, one row for each dimension.
+    #[must_use]
+    pub fn coefficients(&self) -> &[[f64; 6]; N] {
+        &self.coefficients
+    }
+
     /// The value at `s`.
     #[inline]
     pub fn at<T: JetScalar>(&self, s: T) -> [T; N] {
