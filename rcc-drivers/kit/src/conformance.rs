@@ -98,8 +98,10 @@ pub trait Subject: Peer + Sized {
     fn protocol_violations(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Returns captured bytes of an exchange with another device, and the expected inputs.
-    fn capture() -> Option<capture::Capture>;
+    /// Returns captured bytes of an exchange with another device, and the expected inputs; `None` if there are none.
+    fn capture() -> Option<capture::Capture> {
+        None
+    }
 }
 
 /// Instantiates all rules for a driver: `conformance!(io: IoServer)` for plain I/O, `conformance!(arm: Controller)` for

@@ -5,7 +5,6 @@ use std::net::{SocketAddr, UdpSocket};
 
 use line_drivers::simulated_arm::SimulatedArm;
 use rcc_driver_kit::conformance;
-use rcc_driver_kit::conformance::capture::Capture;
 use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device, rules};
 use rcc_driver_kit::host::reason::Reason;
 use rcc_driver_kit::rcc_config::{DeviceConfig, OnRelease};
@@ -126,10 +125,6 @@ impl Subject for Controller {
         let mut joints = [0.0; JOINTS_MAX];
         joints[..set_points.len()].copy_from_slice(&set_points);
         self.arm.follows().then_some(joints)
-    }
-
-    fn capture() -> Option<Capture> {
-        None
     }
 }
 

@@ -5,7 +5,6 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 use line_drivers::simulated_box::SimulatedBox;
 use rcc_driver_kit::conformance;
-use rcc_driver_kit::conformance::capture::Capture;
 use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device};
 use rcc_driver_kit::host::reason::Reason;
 use rcc_driver_kit::rcc_config::{DeviceConfig, OnRelease};
@@ -89,10 +88,6 @@ impl Subject for TextIoBox {
             digital: bit("d1") | bit("d2") << 1,
             analog,
         }
-    }
-
-    fn capture() -> Option<Capture> {
-        None
     }
 }
 

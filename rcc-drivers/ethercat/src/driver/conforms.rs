@@ -8,7 +8,6 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use rcc_driver_kit::conformance;
-use rcc_driver_kit::conformance::capture::Capture;
 use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device};
 use rcc_driver_kit::host::reason::Reason;
 use rcc_driver_kit::rcc_config::{DeviceConfig, OnRelease};
@@ -184,10 +183,6 @@ impl Subject for SimulatedLine {
             digital: u64::from(digital[0] != 0) | u64::from(digital[1] != 0) << 1,
             analog,
         }
-    }
-
-    fn capture() -> Option<Capture> {
-        None
     }
 }
 

@@ -13,7 +13,6 @@ use serde_json::json;
 
 use super::{IdealArm, REASONS, RELEASED};
 use rcc_driver_kit::conformance;
-use rcc_driver_kit::conformance::capture::Capture;
 use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device, rules};
 use rcc_driver_kit::driver::{Driver, Exchange, Inputs, Outputs};
 use rcc_driver_kit::host::reason::Reason;
@@ -88,10 +87,6 @@ impl Subject for Nobody {
             digital: 0,
             analog: [f64::NAN; ANALOG_MAX],
         }
-    }
-
-    fn capture() -> Option<Capture> {
-        None
     }
 }
 

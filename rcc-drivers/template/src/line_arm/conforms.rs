@@ -8,7 +8,6 @@ use std::path::Path;
 use super::{LineArm, REASONS};
 use crate::simulated_arm::SimulatedArm;
 use rcc_driver_kit::conformance;
-use rcc_driver_kit::conformance::capture::Capture;
 use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device, rules};
 use rcc_driver_kit::driver::Driver;
 use rcc_driver_kit::host::reason::Reason;
@@ -117,10 +116,6 @@ impl Subject for Controller {
         let mut joints = [0.0; JOINTS_MAX];
         joints[..set_points.len()].copy_from_slice(&set_points);
         self.arm.follows().then_some(joints)
-    }
-
-    fn capture() -> Option<Capture> {
-        None
     }
 }
 

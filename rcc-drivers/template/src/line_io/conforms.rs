@@ -8,7 +8,6 @@ use std::path::Path;
 use super::{LineIo, REASONS};
 use crate::simulated_box::SimulatedBox;
 use rcc_driver_kit::conformance;
-use rcc_driver_kit::conformance::capture::Capture;
 use rcc_driver_kit::conformance::{ObservedOutputs, Peer, Subject, Transport, device};
 use rcc_driver_kit::driver::Driver;
 use rcc_driver_kit::host::reason::Reason;
@@ -79,10 +78,6 @@ impl Subject for TextIoBox {
             digital: bit("d1") | bit("d2") << 1,
             analog,
         }
-    }
-
-    fn capture() -> Option<Capture> {
-        None
     }
 }
 
