@@ -141,8 +141,12 @@ impl FriSocket {
     /// Returns [`LinkError::Silent`] if there is none, [`LinkError::Lost`] if the socket fails.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
         let robot = self.robot.ok_or(LinkError::Silent)?;
-        let sent = self.socket.send_to(bytes, robot);
-        sent.map(|_| ()).map_err(|error| lost(&error))
+        match self.socket.send_to(bytes, robot) {
+            Ok(_) => Ok(()),
+            // As a lost datagram: the controller bridges one.
+            Err(error) if is_pause(&error) => Ok(()),
+            Err(error) => Err(lost(&error)),
+        }
     }
 
     /// Waits for one datagram; returns true if it was accepted.

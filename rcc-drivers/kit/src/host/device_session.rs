@@ -199,7 +199,7 @@ impl DeviceSession {
     /// the measurement still belongs to the previous exchange, unless the device is no longer commandable.
     pub fn begin_exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         self.last_exchange_ns = now_ns;
-        if matches!(self.phase, SessionPhase::Offline) {
+        if self.measurement.state == DeviceState::Offline as u32 {
             // Commands to a lost device never take effect later.
             self.held_until = self.feed.buffer.newest();
         }
@@ -246,13 +246,17 @@ impl DeviceSession {
     }
 
     /// Processes a failed exchange: the device goes offline at once if `lost` holds a reason, otherwise after a while.
+    /// An arm in motion that answers again before that while is over is brought to rest from its last set-points.
     /// Returns true if the measurement has changed.
     pub fn handle_link_error(&mut self, now_ns: u64, lost: Option<u32>) -> bool {
         let silent = now_ns.saturating_sub(self.last_exchange_ns) > self.offline_after_ns;
         if lost.is_none() && !silent {
             return false;
         }
-        self.lose_device();
+        match silent {
+            true => self.lose_device(),
+            false => self.lose_contact(),
+        }
         self.measurement.state = DeviceState::Offline as u32;
         self.measurement.reason = lost.unwrap_or(reason::SILENT);
         self.measurement.quality_permille = 0;

@@ -5,7 +5,8 @@
 //! |---|---|---|
 //! | `Offline`, `Mirroring` | the device follows set-points | `Holding` |
 //! | any | the device holds itself | `Mirroring` |
-//! | any | the device is lost | `Offline` |
+//! | any | the device is lost and does not move, or is silent for long | `Offline` |
+//! | `Following` | the device is lost | `Stopping` |
 //! | `Holding` | a net begins to command (`net_start`) | `Waiting` |
 //! | `Waiting` | the delay has passed, and the first set-point is refused (`net_start`) | `Holding` |
 //! | `Waiting` | the delay has passed, and the first set-point is accepted (`net_start`) | `Following` |
@@ -82,6 +83,15 @@ impl DeviceSession {
         self.abandon_net();
         self.outputs = SetPoint::NONE;
         self.phase = SessionPhase::Offline;
+    }
+
+    /// The device is lost, but may answer again at once and be in motion: its net is not followed again.
+    pub(super) fn lose_contact(&mut self) {
+        match self.phase {
+            SessionPhase::Following(_) => self.stop(reason::DEVICE_STOPPED),
+            SessionPhase::Stopping(_) => {}
+            _ => self.lose_device(),
+        }
     }
 
     /// The device no longer follows: its net is not followed again, even if the device becomes commandable.

@@ -538,3 +538,56 @@ fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_i
     fixture.exchange();
     assert_eq!(fixture.session.position, elsewhere);
 }
+
+/// A socket that fails for a moment while the controller bridges the missing answers: the arm is lost for the executor at
+/// once, and goes on from where it is, not at once to rest.
+#[test]
+fn an_arm_lost_in_motion_that_answers_again_at_once_is_brought_to_rest_within_its_limits() {
+    let mut fixture = SessionFixture::new();
+    let points = motion(0.0, 1.0, 2000);
+    fixture.run(1, &points[..1000]);
+    for missing in 1..=3 {
+        fixture.now_ns += MS;
+        fixture.write(at(1, points[999 + missing]));
+        fixture.session.handle_link_error(fixture.now_ns, Some(1));
+        assert_eq!(
+            fixture.session.measurement().state,
+            DeviceState::Offline as u32
+        );
+    }
+    let before = fixture.sent.len();
+    fixture.device.ticks = 4;
+    fixture.both(at(1, points[1003]));
+    fixture.device.ticks = 1;
+    assert_eq!(fixture.session.state(), DeviceState::Stopping);
+    for cycle in 1004..1300 {
+        fixture.both(at(1, points[cycle]));
+    }
+    let mut velocity = points[1000 - DELAY as usize] - points[999 - DELAY as usize];
+    let mut periods = 4.0;
+    let mut last = fixture.sent[before - 1].1[0];
+    for (_, q) in &fixture.sent[before..] {
+        let now = (q[0] - last) / periods;
+        assert!(
+            (now - velocity).abs() <= 1.001 * A_MAX * 1e-6 * periods,
+            "{now} {velocity}"
+        );
+        (velocity, last, periods) = (now, q[0], 1.0);
+    }
+    assert_eq!(velocity, 0.0);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
+    assert_eq!(fixture.session.reason(), reason::DEVICE_STOPPED);
+}
+
+#[test]
+fn an_arm_lost_in_motion_for_long_begins_where_it_holds_itself() {
+    let mut fixture = SessionFixture::new();
+    fixture.run(1, &motion(0.0, 1.0, 2000)[..1000]);
+    fixture.session.handle_link_error(fixture.now_ns, Some(1));
+    fixture.now_ns += 100 * MS;
+    fixture.session.handle_link_error(fixture.now_ns, Some(1));
+    fixture.device.mirror = [0.7; JOINTS_MAX];
+    fixture.exchange();
+    assert_eq!(fixture.last(), 0.7);
+    assert_ne!(fixture.session.state(), DeviceState::Stopping);
+}
