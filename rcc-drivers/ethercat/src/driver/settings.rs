@@ -8,7 +8,7 @@ use rcc_driver_kit::rcc_config::DeviceConfig;
 use serde_json::Value;
 
 use crate::session::TERMINALS_MAX;
-use crate::terminals::{Model, VENDOR};
+use crate::terminals::Model;
 use crate::wire::Interface;
 
 /// Longest watchdog that the registers hold.
@@ -189,10 +189,10 @@ fn terminal(
         (Some(wanted), None, None) => {
             let model = wanted.as_str().and_then(Model::named);
             let Some(model) = model else {
-                let expected = "EL1008, EL2008, EL3064 or EL4004; for another type give `vendor` and `product`";
+                let expected = "EL1008, EL2008, EL3064, EL4004 or CiA402; for another type give `vendor` and `product`";
                 return Err(fault(".type", format!("unknown type {wanted}"), expected));
             };
-            (VENDOR, model.product, Some(model))
+            (model.vendor, model.product, Some(model))
         }
         (None, Some(vendor), Some(product)) => (vendor, product, None),
         _ => {
