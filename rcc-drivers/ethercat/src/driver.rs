@@ -1,9 +1,10 @@
-//! The driver `ethercat`: the process data of a line of EtherCAT terminals as digital and analog channels, see
-//! docs/ethercat.md.
+//! The driver `ethercat`: the process data of a line of EtherCAT terminals as digital and analog channels, and drives (CiA 402)
+//! as the joints of a robot, see docs/ethercat.md.
 //! Run by the host's thread, which waits in [`Driver::receive`] for the exchanges of the line's thread ([`line`]).
 //!
 //! The values of a cycle are sent with the next exchange. A lost exchange gives no values; after `lost_after` of them in a row
-//! the device is lost, and the line gets the safe values.
+//! the device is lost, and the line gets the safe values. With drives a lost exchange is a pause: the host gives the next
+//! exchange the set-points of the time that has passed.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,22 +14,25 @@ use rcc_driver_kit::driver::{
 };
 use rcc_driver_kit::rcc_config::DeviceConfig;
 use rcc_driver_kit::rcc_core::impedance::ControlMode;
-use rcc_driver_kit::rcc_core::message::JOINTS_MAX;
 
 pub mod address;
+pub mod axes;
+pub mod axis_settings;
 pub mod counters;
 pub mod line;
 pub mod points;
+pub mod power_state;
 pub mod reasons;
 pub mod settings;
 
 pub use reasons::REASONS;
 
-use crate::session::{Cycle, ExpectedTerminal, Loss, SessionOptions};
+use crate::session::{Cycle, ExpectedTerminal, Loss, ObjectValue, SessionOptions};
+use axes::Axes;
 use counters::LineCounters;
 use line::{LineState, LineThread};
 use points::Points;
-use settings::EthercatSettings;
+use settings::{EthercatSettings, TerminalSettings};
 
 /// Name of the driver in a cell's configuration.
 pub const NAME: &str = "ethercat";
@@ -40,6 +44,7 @@ const HISTORY: u32 = u64::BITS;
 pub struct Ethercat {
     settings: EthercatSettings,
     points: Points,
+    axes: Axes,
     counters: Arc<LineCounters>,
     silence_max: Duration,
     /// Present from the first exchange on: it inherits the priority of the host's thread.
@@ -57,19 +62,15 @@ pub struct Ethercat {
     commanded: [u64; 2],
     /// The reason of the loss that the host knows.
     told: u32,
+    /// Periods of exchanges without values since the last one with values; with drives only.
+    skipped: u64,
     late: u64,
 }
 
 impl Driver for Ethercat {
     fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
         let settings = EthercatSettings::new(device)?;
-        if device.robot.is_some() {
-            return Err(DriverError::Robot {
-                device: device.name.clone(),
-                cause: "the driver `ethercat` has no drives: remove `robot`, or choose another driver",
-            });
-        }
-        let points = Points::new(device, &settings.terminals)?;
+        let points = Points::new(device, &settings)?;
         let unlike: Vec<&str> = points.unlike_watchdog().collect();
         if !unlike.is_empty() {
             tracing::warn!(
@@ -81,6 +82,7 @@ impl Driver for Ethercat {
         Ok(Ethercat {
             counters: Arc::new(LineCounters::new(&settings)),
             silence_max: command_timeout.max(5 * settings.period),
+            axes: Axes::new(settings.axes.clone(), points.enable()),
             settings,
             points,
             line: None,
@@ -91,6 +93,7 @@ impl Driver for Ethercat {
             history: u64::MAX,
             commanded: [0; 2],
             told: 0,
+            skipped: 0,
             late: 0,
         })
     }
@@ -135,6 +138,7 @@ impl Driver for Ethercat {
             self.commanded[1] |= outputs.analog_commanded;
             let outputs = self.points.without_old(outputs, self.commanded);
             self.points.put(&outputs, &mut state.image);
+            self.axes.write(&outputs, &mut state.image);
             for (released, sent) in state.released.iter_mut().zip(&state.image) {
                 released.outputs.copy_from_slice(&sent.outputs);
             }
@@ -145,7 +149,9 @@ impl Driver for Ethercat {
         Ok(())
     }
 
-    fn release(&mut self) {}
+    fn release(&mut self) {
+        self.axes.release();
+    }
 
     fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
         Some(Arc::<LineCounters>::clone(&self.counters))
@@ -180,7 +186,7 @@ impl Ethercat {
             vendor: terminal.vendor,
             product: terminal.product,
             watchdog: Some(self.settings.watchdog),
-            objects: self.points.default_outputs(position, terminal),
+            objects: self.objects(position, terminal),
         });
         SessionOptions {
             interface: self.settings.interface.clone(),
@@ -188,6 +194,16 @@ impl Ethercat {
             period: self.settings.period,
             timeout: self.settings.timeout,
         }
+    }
+
+    /// Returns the objects that the terminal at `position` needs.
+    fn objects(&self, position: usize, terminal: &TerminalSettings) -> Vec<ObjectValue> {
+        let mut objects = self.points.default_outputs(position, terminal);
+        let axes = self.settings.axes.iter();
+        for axis in axes.filter(|axis| axis.place.terminal == position) {
+            objects.extend(axis.objects(self.settings.period));
+        }
+        objects
     }
 
     /// Takes a new exchange.
@@ -211,27 +227,58 @@ impl Ethercat {
                 (false, 0)
             }
         };
+        let period_ns = u64::try_from(self.settings.period.as_nanos()).unwrap_or(u64::MAX);
         if complete {
             self.lost = 0;
             self.complete_at = Instant::now();
             self.history = self.history << 1 | 1;
             self.points.inputs(&state.image, inputs);
-        } else {
+        } else if self.axes.is_empty() {
             *inputs = Inputs::NONE;
+        } else {
+            // The next exchange has the time of this one.
+            self.skipped += ticks;
+            return Err(LinkError::Silent);
         }
+        let ticks = ticks + std::mem::take(&mut self.skipped);
         self.told = reason;
+        let (commandable, reason) = match self.axes.is_empty() {
+            true => (true, reason),
+            false => self.take_axes(state, inputs, (reason == 0, ticks * period_ns)),
+        };
         Ok(Exchange {
-            commandable: true,
+            commandable,
             startable: reason == 0,
             strategy: ControlMode::Position,
-            mirror: [0.0; JOINTS_MAX],
+            mirror: self.axes.hold(),
             ticks,
-            period_ns: u64::try_from(self.settings.period.as_nanos()).unwrap_or(u64::MAX),
+            period_ns,
             quality_permille: self.history.count_ones() * 1000 / HISTORY,
             reason,
             late: self.late + self.counters.lost(),
             refused: self.counters.refused(),
         })
+    }
+
+    /// Takes what the drives show in a complete exchange, in OP or not, and the time since the one before, ns. Returns whether
+    /// they follow set-points, and the reason if not.
+    fn take_axes(
+        &mut self,
+        state: &mut LineState,
+        inputs: &mut Inputs,
+        (in_op, passed_ns): (bool, u64),
+    ) -> (bool, u32) {
+        if std::mem::take(&mut state.silenced) {
+            self.axes.lose();
+        }
+        self.axes.read(&state.image, passed_ns, in_op);
+        self.axes.inputs(inputs);
+        self.counters.drives(self.axes.drives());
+        let reason = match in_op {
+            true => self.axes.reason(),
+            false => reasons::STARTING,
+        };
+        (reason == 0, reason)
     }
 
     /// The device is lost: the line gets the safe values, since the host sends nothing.
@@ -247,6 +294,7 @@ impl Ethercat {
         self.told = reason;
         self.counters.set_reason(reason);
         self.points.release(&mut state.image);
+        self.axes.lose();
         LinkError::Lost { reason }
     }
 

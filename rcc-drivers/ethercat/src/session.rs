@@ -47,7 +47,7 @@ pub struct ExpectedTerminal {
     pub objects: Vec<ObjectValue>,
 }
 
-/// An object of 16 bits and its value.
+/// An object and its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObjectValue {
     /// Index.
@@ -55,7 +55,22 @@ pub struct ObjectValue {
     /// Sub-index.
     pub sub_index: u8,
     /// Value.
-    pub value: i16,
+    pub value: ObjectData,
+}
+
+/// A value of an object, with its type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObjectData {
+    /// INTEGER8.
+    I8(i8),
+    /// UNSIGNED8.
+    U8(u8),
+    /// INTEGER16.
+    I16(i16),
+    /// UNSIGNED16.
+    U16(u16),
+    /// UNSIGNED32.
+    U32(u32),
 }
 
 /// How a session exchanges.

@@ -4,6 +4,8 @@
 pub use crate::terminals as model;
 
 pub mod control;
+pub mod drive;
+pub mod drive_objects;
 pub mod eeprom;
 pub mod fmmu;
 pub mod frame;

@@ -3,6 +3,8 @@
 
 /// Vendor number of Beckhoff Automation.
 pub const VENDOR: u32 = 2;
+/// Vendor number of the simulated drive, which no manufacturer has.
+pub const DRIVE_VENDOR: u32 = 0xffff_fffe;
 /// Size of each of the two mailboxes, bytes.
 pub const MAILBOX_SIZE: u16 = 128;
 /// First address of the mailbox that the MainDevice writes.
@@ -21,6 +23,8 @@ pub enum Channels {
     AnalogInput,
     /// Outputs of a signed value of 16 bits.
     AnalogOutput,
+    /// No channels: the axis of a servo drive (CiA 402; IEC 61800-7-201).
+    Drive,
 }
 
 /// A terminal type.
@@ -30,6 +34,8 @@ pub struct Model {
     pub name: &'static str,
     /// Description, as in the EEPROM.
     pub description: &'static str,
+    /// Vendor number.
+    pub vendor: u32,
     /// Product code.
     pub product: u32,
     /// Revision.
@@ -45,6 +51,7 @@ pub const MODELS: &[Model] = &[
     Model {
         name: "EL1008",
         description: "EL1008 8K. Dig. Eingang 24V, 3ms",
+        vendor: VENDOR,
         product: 0x03f0_3052,
         revision: 0x0011_0000,
         channels: Channels::DigitalInput,
@@ -53,6 +60,7 @@ pub const MODELS: &[Model] = &[
     Model {
         name: "EL2008",
         description: "EL2008 8K. Dig. Ausgang 24V, 0.5A",
+        vendor: VENDOR,
         product: 0x07d8_3052,
         revision: 0x0011_0000,
         channels: Channels::DigitalOutput,
@@ -61,6 +69,7 @@ pub const MODELS: &[Model] = &[
     Model {
         name: "EL3064",
         description: "EL3064 4K. Ana. Eingang 0-10V",
+        vendor: VENDOR,
         product: 0x0bf8_3052,
         revision: 0x0014_0000,
         channels: Channels::AnalogInput,
@@ -69,10 +78,20 @@ pub const MODELS: &[Model] = &[
     Model {
         name: "EL4004",
         description: "EL4004 4K. Ana. Ausgang 0-10V, 12bit",
+        vendor: VENDOR,
         product: 0x0fa4_3052,
         revision: 0x0013_0000,
         channels: Channels::AnalogOutput,
         count: 4,
+    },
+    Model {
+        name: "CiA402",
+        description: "Simulated servo drive, CiA 402, cyclic synchronous position",
+        vendor: DRIVE_VENDOR,
+        product: 0x0000_0402,
+        revision: 0x0001_0000,
+        channels: Channels::Drive,
+        count: 0,
     },
 ];
 
@@ -98,17 +117,25 @@ pub struct PdoEntry {
     pub sub_index: u8,
     /// Length, bits.
     pub bits: u8,
-    /// Data type of CANopen: 1 Boolean, 3 INTEGER16, 0x31 BIT2, 0 none.
+    /// Data type of CANopen: 1 Boolean, 3 INTEGER16, 4 INTEGER32, 6 UNSIGNED16, 0x31 BIT2, 0 none.
     pub data_type: u8,
 }
 
-/// A process data object: one for each channel.
+/// A process data object: one for each channel, and for each direction of a drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pdo {
     /// Index: 0x16nn outputs, 0x1Ann inputs.
     pub index: u16,
     /// Its entries, in order.
     pub entries: Vec<PdoEntry>,
+}
+
+impl Pdo {
+    /// Returns true if the MainDevice writes it.
+    #[must_use]
+    pub fn is_output(&self) -> bool {
+        self.index < 0x1a00
+    }
 }
 
 impl SyncManagerDefault {
@@ -129,38 +156,48 @@ impl Model {
         MODELS.iter().find(|model| model.name == name)
     }
 
-    /// Returns true if the MainDevice writes its process data.
+    /// Returns true if the MainDevice writes process data of it.
     #[must_use]
-    pub fn is_output(&self) -> bool {
-        matches!(
-            self.channels,
-            Channels::DigitalOutput | Channels::AnalogOutput
-        )
+    pub fn has_outputs(&self) -> bool {
+        use Channels::{AnalogOutput, DigitalOutput, Drive};
+        matches!(self.channels, DigitalOutput | AnalogOutput | Drive)
+    }
+
+    /// Returns true if the MainDevice reads process data of it.
+    #[must_use]
+    pub fn has_inputs(&self) -> bool {
+        use Channels::{AnalogInput, DigitalInput, Drive};
+        matches!(self.channels, DigitalInput | AnalogInput | Drive)
     }
 
     /// Returns true if it has mailboxes and an object dictionary.
     #[must_use]
     pub fn has_mailbox(&self) -> bool {
-        matches!(
+        !matches!(
             self.channels,
-            Channels::AnalogInput | Channels::AnalogOutput
+            Channels::DigitalInput | Channels::DigitalOutput
         )
     }
 
-    /// Returns the size of one channel in the process image, bits.
+    /// Returns the size of one channel in the process image, bits; 0 for a drive.
     #[must_use]
     pub fn channel_bits(&self) -> u16 {
         match self.channels {
             Channels::DigitalInput | Channels::DigitalOutput => 1,
             Channels::AnalogInput => 32,
             Channels::AnalogOutput => 16,
+            Channels::Drive => 0,
         }
     }
 
-    /// Returns the size of its process data, bytes.
+    /// Returns the size of its outputs or of its inputs, bytes; 0 if it has none.
     #[must_use]
-    pub fn process_bytes(&self) -> u16 {
-        (self.channel_bits() * u16::from(self.count)).div_ceil(8)
+    pub fn process_bytes(&self, outputs: bool) -> u16 {
+        let pdos = self.pdos().into_iter();
+        let entries = pdos.filter(|pdo| pdo.is_output() == outputs);
+        let bits = entries.flat_map(|pdo| pdo.entries);
+        let bits: u16 = bits.map(|entry| u16::from(entry.bits)).sum();
+        bits.div_ceil(8)
     }
 
     /// Returns its sync managers.
@@ -170,13 +207,17 @@ impl Model {
             SyncManagerDefault::new(MAILBOX_OUT, MAILBOX_SIZE, 0x26, 1),
             SyncManagerDefault::new(MAILBOX_IN, MAILBOX_SIZE, 0x22, 2),
         ];
-        let (_, process) = self.process_manager();
-        let data = match self.channels {
-            Channels::DigitalInput | Channels::DigitalOutput => return vec![process],
-            Channels::AnalogInput => [SyncManagerDefault::new(0x1100, 0, 0x24, 3), process],
-            Channels::AnalogOutput => [process, SyncManagerDefault::new(0x1180, 0, 0x20, 4)],
-        };
-        mailbox.into_iter().chain(data).collect()
+        let none = |start, control, kind| SyncManagerDefault::new(start, 0, control, kind);
+        let of = |manager: Option<(u16, SyncManagerDefault)>| manager.map(|(_, manager)| manager);
+        let (outputs, inputs) = (of(self.outputs_manager()), of(self.inputs_manager()));
+        match self.has_mailbox() {
+            false => outputs.into_iter().chain(inputs).collect(),
+            true => mailbox
+                .into_iter()
+                .chain([outputs.unwrap_or(none(0x1100, 0x24, 3))])
+                .chain([inputs.unwrap_or(none(0x1180, 0x20, 4))])
+                .collect(),
+        }
     }
 
     /// Returns the uses of its FMMUs: 1 outputs, 2 inputs, 3 state of the mailbox.
@@ -185,51 +226,50 @@ impl Model {
         match self.channels {
             Channels::DigitalInput => &[2],
             Channels::DigitalOutput => &[1],
-            Channels::AnalogInput | Channels::AnalogOutput => &[1, 2, 3],
+            _ => &[1, 2, 3],
         }
     }
 
-    /// Returns number and registers of the sync manager with its process data.
+    /// Returns number and registers of the sync manager with the outputs; `None` if it has none.
     #[must_use]
-    pub fn process_manager(&self) -> (u16, SyncManagerDefault) {
-        let (number, start, control, kind) = match self.channels {
-            Channels::DigitalInput => (0, 0x1000, 0x00, 4),
-            Channels::DigitalOutput => (0, 0x0f00, 0x44, 3),
-            Channels::AnalogInput => (3, 0x1180, 0x20, 4),
-            Channels::AnalogOutput => (2, 0x1100, 0x64, 3),
+    pub fn outputs_manager(&self) -> Option<(u16, SyncManagerDefault)> {
+        let (number, start, control) = match self.has_mailbox() {
+            false => (0, 0x0f00, 0x44),
+            true => (2, 0x1100, 0x64),
         };
-        let length = self.process_bytes();
-        (
-            number,
-            SyncManagerDefault::new(start, length, control, kind),
-        )
+        let length = self.process_bytes(true);
+        let manager = SyncManagerDefault::new(start, length, control, 3);
+        self.has_outputs().then_some((number, manager))
     }
 
-    /// Returns its process data objects in the order of the process image.
+    /// Returns number and registers of the sync manager with the inputs; `None` if it has none.
+    #[must_use]
+    pub fn inputs_manager(&self) -> Option<(u16, SyncManagerDefault)> {
+        let (number, start, control) = match self.has_mailbox() {
+            false => (0, 0x1000, 0x00),
+            true => (3, 0x1180, 0x20),
+        };
+        let length = self.process_bytes(false);
+        let manager = SyncManagerDefault::new(start, length, control, 4);
+        self.has_inputs().then_some((number, manager))
+    }
+
+    /// Returns its process data objects in the order of the process image, outputs first.
     #[must_use]
     pub fn pdos(&self) -> Vec<Pdo> {
-        (0..self.count).map(|channel| self.pdo(channel)).collect()
+        match self.channels {
+            Channels::Drive => drive_pdos(),
+            _ => (0..self.count).map(|channel| self.pdo(channel)).collect(),
+        }
     }
 
     fn pdo(&self, channel: u8) -> Pdo {
         let number = u16::from(channel);
-        let object = if self.is_output() { 0x7000 } else { 0x6000 } + number * 0x10;
-        let entry = |sub_index, bits, data_type| PdoEntry {
-            index: object,
-            sub_index,
-            bits,
-            data_type,
-        };
-        let gap = |bits| PdoEntry {
-            index: 0,
-            sub_index: 0,
-            bits,
-            data_type: 0,
-        };
+        let object = if self.has_outputs() { 0x7000 } else { 0x6000 } + number * 0x10;
+        let entry = |sub_index, bits, data_type| PdoEntry::new(object, sub_index, bits, data_type);
         let (index, entries) = match self.channels {
             Channels::DigitalInput => (0x1a00 + number, vec![entry(1, 1, 1)]),
             Channels::DigitalOutput => (0x1600 + number, vec![entry(1, 1, 1)]),
-            Channels::AnalogOutput => (0x1600 + number, vec![entry(1, 16, 3)]),
             // Underrange, overrange, limit 1, limit 2, error, padding, sync error, state, toggle, value.
             Channels::AnalogInput => (
                 // The objects with odd numbers are the compact ones, without status.
@@ -240,16 +280,44 @@ impl Model {
                     entry(3, 2, 0x31),
                     entry(5, 2, 0x31),
                     entry(7, 1, 1),
-                    gap(6),
+                    PdoEntry::new(0, 0, 6, 0),
                     entry(14, 1, 1),
                     entry(15, 1, 1),
                     entry(16, 1, 1),
                     entry(17, 16, 3),
                 ],
             ),
+            _ => (0x1600 + number, vec![entry(1, 16, 3)]),
         };
         Pdo { index, entries }
     }
+}
+
+impl PdoEntry {
+    fn new(index: u16, sub_index: u8, bits: u8, data_type: u8) -> PdoEntry {
+        PdoEntry {
+            index,
+            sub_index,
+            bits,
+            data_type,
+        }
+    }
+}
+
+/// Returns what a drive exchanges: controlword and target position; statusword, actual position and error code.
+fn drive_pdos() -> Vec<Pdo> {
+    let word = |index| PdoEntry::new(index, 0, 16, 6);
+    let position = |index| PdoEntry::new(index, 0, 32, 4);
+    vec![
+        Pdo {
+            index: 0x1600,
+            entries: vec![word(0x6040), position(0x607a)],
+        },
+        Pdo {
+            index: 0x1a00,
+            entries: vec![word(0x6041), position(0x6064), word(0x603f)],
+        },
+    ]
 }
 
 #[cfg(test)]
@@ -257,26 +325,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_objects_of_every_model_fill_its_process_data() {
+    fn the_objects_of_every_model_fill_its_sync_managers() {
         for model in MODELS {
-            let pdos = model.pdos();
-            let bits: u16 = pdos
-                .iter()
-                .flat_map(|pdo| &pdo.entries)
-                .map(|entry| u16::from(entry.bits))
-                .sum();
-            assert_eq!(bits, model.channel_bits() * u16::from(model.count));
-            let (number, manager) = model.process_manager();
-            assert_eq!(manager.length, bits / 8, "{}", model.name);
-            assert_eq!(model.sync_managers()[usize::from(number)], manager);
+            let managers = model.sync_managers();
+            let mut bytes = 0;
+            for (number, manager) in [model.outputs_manager(), model.inputs_manager()]
+                .into_iter()
+                .flatten()
+            {
+                assert_eq!(managers[usize::from(number)], manager, "{}", model.name);
+                bytes += manager.length;
+            }
+            let channels = (model.channel_bits() * u16::from(model.count)).div_ceil(8);
+            let drive = if model.channels == Channels::Drive {
+                14
+            } else {
+                0
+            };
+            assert_eq!(bytes, channels + drive, "{}", model.name);
         }
     }
 
     #[test]
     fn every_output_triggers_the_watchdog() {
-        for model in MODELS.iter().filter(|model| model.is_output()) {
-            let (_, manager) = model.process_manager();
-            assert_eq!(manager.control & 0x44, 0x44, "{}", model.name);
+        for model in MODELS {
+            if let Some((_, manager)) = model.outputs_manager() {
+                assert_eq!(manager.control & 0x44, 0x44, "{}", model.name);
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Stages for a line of EtherCAT terminals: interface, line, states of the terminals, exchanges, error counters of the ports.
+//! Stages for a line of EtherCAT terminals: interface, line, states of the terminals, drives, exchanges, error counters of the ports.
 //! Pure functions of the facts.
 
 use rcc_core::counted::Counted;
@@ -16,6 +16,7 @@ pub const STAGES: &[LinkStage] = &[
     ("interface", interface),
     ("line", line),
     ("terminals", terminals),
+    ("drives", drives),
     ("exchange", exchange),
     ("errors", errors),
     ("quality", quality),
@@ -146,6 +147,46 @@ fn terminals(facts: &LinkFacts) -> Option<HealthFinding> {
     Some(match facts.link()["fault"].as_str() {
         Some(fault) => finding.cause(fault),
         None => finding,
+    })
+}
+
+/// The drives of the joints; none without a robot.
+fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
+    let rows = facts.link()["drives"].as_array()?;
+    if rows.is_empty() || !facts.is_answered() {
+        return None;
+    }
+    let text = |row: &Value, key: &str| row[key].as_str().unwrap_or("?").to_owned();
+    let title = |row: &Value| {
+        format!(
+            "the drive of {} ({})",
+            text(row, "joint"),
+            text(row, "terminal")
+        )
+    };
+    let is_fault = |row: &&Value| text(row, "state").starts_with("fault");
+    if let Some(row) = rows.iter().find(is_fault) {
+        let code = match row["error_code"].as_u64().unwrap_or(0) {
+            0 => "its error code is not exchanged: see `error_code` of its axis".to_owned(),
+            0x8611 => "error code 0x8611: following error".to_owned(),
+            0x7500 => "error code 0x7500: communication".to_owned(),
+            code => format!("error code {code:#06x}: see the manual of the drive"),
+        };
+        let fix = "remove the cause, then switch the output with the address `axes enable` off and on; without such an output, \
+                   reset the fault at the drive and restart the driver";
+        return Some(HealthFinding::fail(
+            format!("{} is in {}; {code}", title(row), text(row, "state")),
+            fix,
+        ));
+    }
+    let off = |row: &&Value| text(row, "state") != "operation enabled";
+    Some(match rows.iter().find(off) {
+        Some(row) => HealthFinding::note(format!(
+            "{} is in `{}`: a net that switches the output with the address `axes enable` on enables the drives",
+            title(row),
+            text(row, "state")
+        )),
+        None => HealthFinding::ok("all drives are in `operation enabled`"),
     })
 }
 
@@ -340,6 +381,26 @@ mod tests {
             assert_eq!(failed, Some(stage), "{words}");
             assert!(words.contains(what) && words.contains(fix), "{words}");
         }
+    }
+
+    #[test]
+    fn a_drive_in_fault_is_named_with_its_error_code() {
+        let mut link = link("OP", 110, Value::Null);
+        let row = |state: &str, code: u64| json!({"joint": "tilt", "terminal": "tilter", "state": state, "error_code": code});
+        link["drives"] = json!([row("operation enabled", 0), row("fault", 0x8611)]);
+        let (stage, words) = failed(&facts(link.clone()));
+        assert_eq!(stage, Some("drives"), "{words}");
+        let wanted = "the drive of tilt (tilter) is in fault; error code 0x8611: following error";
+        assert!(
+            words.contains(wanted) && words.contains("axes enable"),
+            "{words}"
+        );
+        link["drives"] = json!([row("switch on disabled", 0)]);
+        let (stage, words) = failed(&facts(link.clone()));
+        assert_eq!(stage, None, "{words}");
+        assert!(words.contains("`switch on disabled`"), "{words}");
+        link["drives"] = json!([row("operation enabled", 0)]);
+        assert!(failed(&facts(link)).1.contains("all drives are in"));
     }
 
     #[test]

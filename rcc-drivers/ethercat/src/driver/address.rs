@@ -115,8 +115,11 @@ pub fn read(
         ["bit", number] => (parse(number)?, Format::Bit, None),
         ["byte", number, format] => (8 * parse(number)?, number_format(format)?, None),
         ["channel", number] => channel(known(model, name)?, parse(number)?)?,
-        [object] => entry(known(model, name)?, object, None)?,
-        [object, format] => entry(known(model, name)?, object, Some(number_format(format)?))?,
+        [object] => entry((known(model, name)?, output), object, None)?,
+        [object, format] => {
+            let format = Some(number_format(format)?);
+            entry((known(model, name)?, output), object, format)?
+        }
         _ => return Err(format!("`{text}` has too few or too many words")),
     };
     if digital != (format == Format::Bit) {
@@ -133,7 +136,11 @@ pub fn read(
         status,
     };
     if let Some(model) = model {
-        if model.is_output() != output {
+        let exchanges = match output {
+            true => model.has_outputs(),
+            false => model.has_inputs(),
+        };
+        if !exchanges {
             let (is, wants) = match output {
                 true => ("inputs", "an output"),
                 false => ("outputs", "an input"),
@@ -143,10 +150,10 @@ pub fn read(
                 model.name
             ));
         }
-        let size = usize::from(model.process_bytes());
+        let size = usize::from(model.process_bytes(output));
         if place.bytes() > size {
             return Err(format!(
-                "an {} has {size} bytes of process data",
+                "an {} has {size} bytes of process data in this direction",
                 model.name
             ));
         }
@@ -176,6 +183,12 @@ fn number_format(name: &str) -> Result<Format, String> {
 /// Returns the value of a channel, from 1, of a known type.
 fn channel(model: &Model, number: usize) -> Result<(usize, Format, Option<usize>), String> {
     let count = usize::from(model.count);
+    if count == 0 {
+        return Err(format!(
+            "an {} has no channels: write an entry such as 0x6041:0 u16",
+            model.name
+        ));
+    }
     let place = number.checked_sub(1).filter(|place| *place < count);
     let Some(place) = place else {
         return Err(format!("an {} has channels 1 to {count}", model.name));
@@ -183,14 +196,14 @@ fn channel(model: &Model, number: usize) -> Result<(usize, Format, Option<usize>
     let first = place * usize::from(model.channel_bits());
     Ok(match model.channels {
         Channels::DigitalInput | Channels::DigitalOutput => (first, Format::Bit, None),
-        Channels::AnalogOutput => (first, Format::I16, None),
+        Channels::AnalogOutput | Channels::Drive => (first, Format::I16, None),
         Channels::AnalogInput => (first + 16, Format::I16, Some(first / 8)),
     })
 }
 
 /// Finds an entry of the process data objects, `0x6000:11` with a sub-index in hexadecimal digits.
 fn entry(
-    model: &Model,
+    (model, output): (&Model, bool),
     object: &str,
     format: Option<Format>,
 ) -> Result<(usize, Format, Option<usize>), String> {
@@ -202,7 +215,8 @@ fn entry(
     let index = u16::from_str_radix(index, 16).map_err(|_| wrong())?;
     let sub_index = u8::from_str_radix(sub_index, 16).map_err(|_| wrong())?;
     let mut bit = 0;
-    for pdo in model.pdos() {
+    let pdos = model.pdos().into_iter();
+    for pdo in pdos.filter(|pdo| pdo.is_output() == output) {
         for entry in pdo.entries {
             let bits = usize::from(entry.bits);
             if (entry.index, entry.sub_index) != (index, sub_index) || index == 0 {
@@ -295,6 +309,7 @@ mod tests {
             ("ain 0x6000:11 u32", false, false, "has 16 bits"),
             ("ain 0x6000:12", false, false, "exchanges no entry"),
             ("ain 0x6000:3", false, false, "a format"),
+            ("in 0x7000:1", false, true, "exchanges no entry"),
             ("other channel 1", false, true, "is not known"),
             ("other bit -1", false, true, "no number"),
         ] {

@@ -19,7 +19,7 @@ use serde_json::json;
 
 use super::{Ethercat, NAME, REASONS};
 use crate::sim::line::Line;
-use crate::terminals::MODELS;
+use crate::terminals::{MODELS, Model};
 use crate::wire::{Interface, PACKET_MAX, Socket};
 
 /// Longest time until the end of the thread is noticed.
@@ -49,6 +49,30 @@ fn live(socket: &Socket, line: &Mutex<Line>, (present, stop): (&AtomicBool, &Ato
             }
         }
         line.lock().expect("no panic").advance(started.elapsed());
+    }
+}
+
+impl SimulatedLine {
+    /// A line of these terminals.
+    fn of<'a>(models: impl Iterator<Item = &'static Model> + 'a) -> SimulatedLine {
+        let any = Interface::read("udp 127.0.0.1:0").expect("an address");
+        let socket = Socket::line(&any).expect("loopback");
+        let mut line = Line::new(&models.collect::<Vec<_>>());
+        line.wires = ["2.1=1.1", "4.1=3.1"]
+            .map(|wire| wire.parse().expect("a wire"))
+            .to_vec();
+        let mut own = Self {
+            address: socket.address().expect("an address"),
+            line: Arc::new(Mutex::new(line)),
+            present: Arc::new(AtomicBool::new(true)),
+            stop: Arc::default(),
+            thread: None,
+        };
+        let line = Arc::clone(&own.line);
+        let (present, stop) = (Arc::clone(&own.present), Arc::clone(&own.stop));
+        let run = move || live(&socket, &line, (&present, &stop));
+        own.thread = Some(std::thread::spawn(run));
+        own
     }
 }
 
@@ -112,24 +136,7 @@ impl Subject for SimulatedLine {
     ];
 
     fn start() -> Self {
-        let any = Interface::read("udp 127.0.0.1:0").expect("an address");
-        let socket = Socket::line(&any).expect("loopback");
-        let mut line = Line::new(&MODELS.iter().take(4).collect::<Vec<_>>());
-        line.wires = ["2.1=1.1", "4.1=3.1"]
-            .map(|wire| wire.parse().expect("a wire"))
-            .to_vec();
-        let mut own = Self {
-            address: socket.address().expect("an address"),
-            line: Arc::new(Mutex::new(line)),
-            present: Arc::new(AtomicBool::new(true)),
-            stop: Arc::default(),
-            thread: None,
-        };
-        let line = Arc::clone(&own.line);
-        let (present, stop) = (Arc::clone(&own.present), Arc::clone(&own.stop));
-        let run = move || live(&socket, &line, (&present, &stop));
-        own.thread = Some(std::thread::spawn(run));
-        own
+        SimulatedLine::of(MODELS.iter().take(4))
     }
 
     fn address(&self) -> SocketAddr {
@@ -187,3 +194,5 @@ impl Subject for SimulatedLine {
 }
 
 conformance!(io: SimulatedLine);
+
+mod drives;

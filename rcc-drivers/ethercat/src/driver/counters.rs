@@ -8,6 +8,8 @@ use ethercrab::SubDeviceState;
 use rcc_driver_kit::driver::LinkDiagnosis;
 use serde_json::{Value, json};
 
+use super::axes::DriveStatus;
+use super::power_state::PowerState;
 use super::settings::EthercatSettings;
 use crate::session::{FrameCounts, Loss, PortErrors};
 
@@ -25,11 +27,21 @@ struct TerminalCounters {
     errors: [AtomicU32; 4],
 }
 
+/// The drive of one axis.
+#[derive(Debug)]
+struct DriveCounters {
+    joint: String,
+    terminal: String,
+    /// Statusword in the low half, error code in the high half.
+    words: AtomicU32,
+}
+
 /// Counters of the line since the driver started.
 #[derive(Debug)]
 pub struct LineCounters {
     interface: String,
     terminals: Vec<TerminalCounters>,
+    drives: Vec<DriveCounters>,
     /// Frames of the socket.
     pub frames: FrameCounts,
     sessions: AtomicU64,
@@ -56,7 +68,13 @@ impl LineCounters {
             state: AtomicU8::new(UNKNOWN),
             errors: Default::default(),
         });
+        let drives = settings.axes.iter().map(|axis| DriveCounters {
+            joint: axis.joint.clone(),
+            terminal: axis.terminal.clone(),
+            words: AtomicU32::new(0),
+        });
         LineCounters {
+            drives: drives.collect(),
             interface: settings.interface.to_string(),
             terminals: terminals.collect(),
             frames: FrameCounts::default(),
@@ -108,6 +126,14 @@ impl LineCounters {
     pub fn states(&self, states: &[SubDeviceState]) {
         for (terminal, state) in self.terminals.iter().zip(states) {
             terminal.state.store(u8::from(*state), Relaxed);
+        }
+    }
+
+    /// Stores what the drives show.
+    pub fn drives<'a>(&self, drives: impl Iterator<Item = &'a DriveStatus>) {
+        for (own, drive) in self.drives.iter().zip(drives) {
+            let words = u32::from(drive.error) << 16 | u32::from(drive.word);
+            own.words.store(words, Relaxed);
         }
     }
 
@@ -173,7 +199,17 @@ impl LinkDiagnosis for LineCounters {
                 "lost_links": ports(lost),
             })
         });
+        let drives = self.drives.iter().map(|drive| {
+            let words = drive.words.load(Relaxed);
+            json!({
+                "joint": drive.joint,
+                "terminal": drive.terminal,
+                "state": PowerState::of(words as u16).name(),
+                "error_code": words >> 16,
+            })
+        });
         json!({
+            "drives": drives.collect::<Vec<_>>(),
             "interface": self.interface,
             "reason": self.reason.load(Relaxed),
             "fault": *fault,

@@ -44,6 +44,8 @@ pub struct LineState {
     pub reason: u32,
     /// The host has sent outputs in this session.
     pub driven: bool,
+    /// The host was silent for too long, and the line got the safe values; the host resets it.
+    pub silenced: bool,
     /// Time of the host's last outputs.
     pub sent: Instant,
     stop: bool,
@@ -99,6 +101,7 @@ impl LineThread {
                 number: 0,
                 reason: reasons::STARTING,
                 driven: false,
+                silenced: false,
                 sent: now,
                 stop: false,
             }),
@@ -224,6 +227,7 @@ impl Application for Exchanging {
         }
         self.last_outputs_sent = state.stop;
         let silent = state.sent.elapsed() > self.silence_max && !state.stop;
+        state.silenced |= silent && state.driven;
         let outputs = if silent {
             &state.released
         } else {

@@ -10,8 +10,10 @@ use rcc_driver_kit::rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
 use rcc_driver_kit::rcc_core::primitive::ChannelKind;
 
 use super::address::{self, Format, Place};
-use super::settings::TerminalSettings;
-use crate::session::{ObjectValue, TerminalImage};
+use super::axis_settings::DrivePlace;
+use super::power_state::command;
+use super::settings::{EthercatSettings, TerminalSettings};
+use crate::session::{ObjectData, ObjectValue, TerminalImage};
 use crate::terminals::Channels;
 
 /// Bits of the status word of an analog input without a valid value: underrange, overrange, error, and bit 14, by which the
@@ -20,9 +22,14 @@ const INVALID: u16 = 0x4043;
 /// Sub-index of an analog output's value without communication, in the object 0x80n0.
 const DEFAULT_OUTPUT: u8 = 0x13;
 
+/// Address of the digital output that permits the drives.
+const ENABLE: &str = "axes enable";
+
 /// A channel and its place.
 #[derive(Clone, Debug)]
 pub struct Point {
+    /// Index among the channels of its kind.
+    index: u32,
     place: Place,
     config: ChannelConfig,
 }
@@ -34,6 +41,9 @@ pub struct Points {
     digital_out: Vec<Point>,
     analog_in: Vec<Point>,
     analog_out: Vec<Point>,
+    /// Index of the digital output that permits the drives.
+    enable: Option<u32>,
+    drives: Vec<DrivePlace>,
     /// Values of the outputs without a command.
     released: Outputs,
 }
@@ -43,13 +53,17 @@ impl Points {
     ///
     /// # Errors
     /// Returns an error for an address that does not exist, for outputs that share a bit, and for a range that does not fit.
-    pub fn new(
-        device: &DeviceConfig,
-        terminals: &[TerminalSettings],
-    ) -> Result<Points, DriverError> {
+    pub fn new(device: &DeviceConfig, settings: &EthercatSettings) -> Result<Points, DriverError> {
+        let terminals = &settings.terminals;
+        let drives: Vec<DrivePlace> = settings.axes.iter().map(|axis| axis.place).collect();
+        let enable = enable(device, !drives.is_empty())?;
         let of = |kind| -> Result<Vec<Point>, DriverError> {
+            let permits = |channel: &ChannelConfig| {
+                kind == ChannelKind::DigitalOutput && Some(channel.index) == enable
+            };
             let found = channels(device, kind).into_iter();
             found
+                .filter(|channel| !permits(channel))
                 .map(|channel| point(device, channel, terminals))
                 .collect()
         };
@@ -58,6 +72,8 @@ impl Points {
             digital_out: of(ChannelKind::DigitalOutput)?,
             analog_in: of(ChannelKind::AnalogInput)?,
             analog_out: of(ChannelKind::AnalogOutput)?,
+            enable,
+            drives,
             released: *OutputRelease::new(device).values(),
         };
         let outputs: Vec<&Point> = points
@@ -70,6 +86,12 @@ impl Points {
             if let Some(other) = before.find(|other| other.place.overlaps(&point.place)) {
                 let cause = format!("it shares bits with the output '{}'", other.config.name);
                 let expected = "a place of its own for each output";
+                return Err(channel_error(device, &point.config, cause, expected));
+            }
+            let mut drives = points.drives.iter();
+            if drives.any(|drive| drive.places().any(|place| place.overlaps(&point.place))) {
+                let cause = "it shares bits with the controlword or the target position of a drive";
+                let expected = "a place that no axis uses";
                 return Err(channel_error(device, &point.config, cause, expected));
             }
         }
@@ -102,13 +124,33 @@ impl Points {
                 ));
             }
         }
+        for drive in &self.drives {
+            let terminal = image.get(drive.terminal);
+            let [outputs, inputs] = drive.sizes();
+            let has = terminal.map_or([0; 2], |one| [one.outputs.len(), one.inputs.len()]);
+            if has[0] < outputs || has[1] < inputs {
+                return Err(format!(
+                    "terminal {} has {} bytes of outputs and {} of inputs; the values of its axis need {outputs} and {inputs}",
+                    drive.terminal + 1,
+                    has[0],
+                    has[1],
+                ));
+            }
+        }
         Ok(())
+    }
+
+    /// Returns the index of the digital output that permits the drives.
+    #[must_use]
+    pub fn enable(&self) -> Option<u32> {
+        self.enable
     }
 
     /// Converts the newest inputs of the line.
     pub fn inputs(&self, image: &[TerminalImage], inputs: &mut Inputs) {
         *inputs = Inputs::NONE;
-        for (point, index) in self.digital_in.iter().zip(0..) {
+        for point in &self.digital_in {
+            let index = point.index;
             if let Some(value) = read(image, point.place) {
                 inputs.digital |= u64::from(value != 0.0) << index;
                 inputs.digital_known |= 1 << index;
@@ -143,7 +185,8 @@ impl Points {
 
     /// Writes the outputs that have a value into the images of the terminals.
     pub fn put(&self, outputs: &Outputs, image: &mut [TerminalImage]) {
-        for (point, index) in self.digital_out.iter().zip(0..) {
+        for point in &self.digital_out {
+            let index = point.index;
             if outputs.digital_set >> index & 1 == 1 {
                 let on = outputs.digital >> index & 1 == 1;
                 write(image, point.place, f64::from(u8::from(on)));
@@ -156,9 +199,16 @@ impl Points {
         }
     }
 
-    /// Writes the safe values into the images of the terminals; outputs that hold keep theirs.
+    /// Writes the safe values into the images of the terminals: outputs that hold keep theirs, and drives make a quick stop.
     pub fn release(&self, image: &mut [TerminalImage]) {
         self.put(&self.released, image);
+        for drive in &self.drives {
+            let image = image.get_mut(drive.terminal);
+            let word = image.and_then(|one| one.outputs.get_mut(drive.control..drive.control + 2));
+            if let Some(word) = word {
+                word.copy_from_slice(&command::QUICK_STOP.to_le_bytes());
+            }
+        }
     }
 
     /// Returns the settings by which the terminal at `position` takes the safe values without communication, if it can.
@@ -183,7 +233,7 @@ impl Points {
                 index: 0x8000 + u16::try_from(channel).ok()? * 0x10,
                 sub_index: DEFAULT_OUTPUT,
                 // Within the range, which fits.
-                value: to_raw(&point.config, value).round() as i16,
+                value: ObjectData::I16(to_raw(&point.config, value).round() as i16),
             })
         });
         object.collect()
@@ -200,6 +250,26 @@ impl Points {
             .chain(analog)
             .map(|point| point.config.name.as_str())
     }
+}
+
+/// Finds the digital output that permits the drives, and checks that nothing holds it.
+fn enable(device: &DeviceConfig, has_axes: bool) -> Result<Option<u32>, DriverError> {
+    let outputs = channels(device, ChannelKind::DigitalOutput).into_iter();
+    let mut found = outputs.filter(|channel| has_axes && channel.address.as_str() == Some(ENABLE));
+    let Some(first) = found.next() else {
+        return Ok(None);
+    };
+    if first.on_release != Some(OnRelease::Safe(0.0)) {
+        let cause = "the drives would stay enabled without a net";
+        let expected = "`on_release: {safe: false}`";
+        return Err(channel_error(device, first, cause, expected));
+    }
+    if let Some(second) = found.next() {
+        let cause = format!("`{ENABLE}` is already the address of '{}'", first.name);
+        let expected = "one output that permits the drives";
+        return Err(channel_error(device, second, cause, expected));
+    }
+    Ok(Some(first.index))
 }
 
 fn point(
@@ -229,6 +299,7 @@ fn point(
         }
     }
     Ok(Point {
+        index: channel.index,
         place,
         config: channel.clone(),
     })
@@ -291,67 +362,4 @@ fn write(image: &mut [TerminalImage], place: Place, raw: f64) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn place(bit: usize, format: Format) -> Place {
-        Place {
-            terminal: 0,
-            bit,
-            format,
-            status: None,
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn what_is_written_is_read(bit in 0_usize..64, raw in -128_i32..=255) {
-            let formats = [Format::U8, Format::I8, Format::U16, Format::I16, Format::U32, Format::I32, Format::F32];
-            for format in formats {
-                let [lower, upper] = format.bounds();
-                let raw = f64::from(raw);
-                prop_assume!((lower..=upper).contains(&raw));
-                let at = place(bit / 8 * 8, format);
-                let mut image = [TerminalImage { inputs: vec![], outputs: vec![0xa5; 16] }];
-                write(&mut image, at, raw);
-                image[0].inputs = image[0].outputs.clone();
-                prop_assert_eq!(read(&image, at), Some(raw));
-                let changed = image[0].outputs.iter().enumerate().filter(|(_, byte)| **byte != 0xa5);
-                prop_assert!(changed.into_iter().all(|(byte, _)| (bit / 8..bit / 8 + format.bits() / 8).contains(&byte)));
-            }
-        }
-
-        #[test]
-        fn a_bit_changes_no_other_bit(bit in 0_usize..64, before in any::<u64>(), on in any::<bool>()) {
-            let mut image = [TerminalImage { inputs: vec![], outputs: before.to_le_bytes().to_vec() }];
-            write(&mut image, place(bit, Format::Bit), f64::from(u8::from(on)));
-            let after: [u8; 8] = image[0].outputs.clone().try_into().unwrap();
-            let wanted = before & !(1 << bit) | u64::from(on) << bit;
-            prop_assert_eq!(u64::from_le_bytes(after), wanted);
-        }
-    }
-
-    #[test]
-    fn an_analog_input_with_a_bad_status_has_no_value() {
-        let at = Place {
-            status: Some(0),
-            ..place(16, Format::I16)
-        };
-        for (status, known) in [
-            (0, true),
-            (0x8000, true),
-            (0x0041, false),
-            (0x0042, false),
-            (0x4000, false),
-        ] {
-            let status: u16 = status;
-            let inputs = [status.to_le_bytes(), 77_i16.to_le_bytes()].concat();
-            let image = [TerminalImage {
-                inputs,
-                outputs: vec![],
-            }];
-            assert_eq!(read(&image, at), known.then_some(77.0), "{status:#06x}");
-        }
-    }
-}
+mod tests;

@@ -20,6 +20,20 @@ pub const LEFT: u32 = 105;
 pub const STARTING: u32 = 106;
 /// The thread of the line does not exist.
 pub const THREAD: u32 = 107;
+/// No net permits the drives.
+pub const DRIVES_OFF: u32 = 108;
+/// The drives are being enabled.
+pub const DRIVES_ENABLING: u32 = 109;
+/// A drive is in fault.
+pub const DRIVE_FAULT: u32 = 110;
+/// A drive has left `operation enabled`.
+pub const DRIVE_LEFT: u32 = 111;
+/// A drive was not enabled in time.
+pub const DRIVE_START: u32 = 112;
+/// The first set-point is not where the drives are.
+pub const JUMP: u32 = 113;
+/// The driver is ending.
+pub const RELEASED: u32 = 114;
 
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
@@ -51,6 +65,31 @@ pub const REASONS: &[Reason] = &[
     (
         THREAD,
         "the operating system refuses the thread of the EtherCAT line: see `ulimit -u`",
+    ),
+    (
+        DRIVES_OFF,
+        "the drives are off: a net must switch the output with the address `axes enable` on",
+    ),
+    (DRIVES_ENABLING, "the drives are being enabled"),
+    (
+        DRIVE_FAULT,
+        "a drive is in fault; `rcc-cli doctor device` names it with its error code. Remove the cause, then switch the output with the address `axes enable` off and on: that resets the fault. Without such an output, reset it at the drive and restart the driver",
+    ),
+    (
+        DRIVE_LEFT,
+        "a drive has left `operation enabled` by itself: check safe torque off and the supply of the motor, then switch the output with the address `axes enable` off and on, or restart the driver if there is none",
+    ),
+    (
+        DRIVE_START,
+        "a drive was not enabled within 5 s; `rcc-cli doctor device` names its state: check safe torque off and the supply of the motor, then switch the output with the address `axes enable` off and on, or restart the driver if there is none",
+    ),
+    (
+        JUMP,
+        "the first set-point is further from the position of a drive than `following_window`, or one is no number: the drives were stopped; switch the output with the address `axes enable` off and on, or restart the driver if there is none",
+    ),
+    (
+        RELEASED,
+        "the driver has switched the drives off and is ending",
     ),
 ];
 

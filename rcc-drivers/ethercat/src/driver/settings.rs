@@ -5,16 +5,23 @@ use std::time::Duration;
 
 use rcc_driver_kit::driver::{DriverError, Settings};
 use rcc_driver_kit::rcc_config::DeviceConfig;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
+use super::axis_settings::{self, AxisSettings};
 use crate::session::TERMINALS_MAX;
-use crate::terminals::{Model, VENDOR};
+use crate::terminals::Model;
 use crate::wire::Interface;
 
 /// Longest watchdog that the registers hold.
 const WATCHDOG_MAX: Duration = Duration::from_micros(6_553_500);
 /// Largest `lost_after`.
 const LOST_AFTER_MAX: u64 = 10_000;
+
+/// There are axes, and no robot.
+const NO_ROBOT: &str = "settings.axes moves the joints of a robot: name its file, such as `robot: robots/table.yaml`, or remove `axes`";
+/// There is a robot, and there are no axes.
+const NO_AXES: &str =
+    "the joints of a robot are moved by drives: name them in settings.axes, or remove `robot`";
 
 /// A terminal as the configuration names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,7 +48,7 @@ impl TerminalSettings {
 }
 
 /// All settings.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EthercatSettings {
     /// Where the line is connected.
     pub interface: Interface,
@@ -55,6 +62,8 @@ pub struct EthercatSettings {
     pub watchdog: Duration,
     /// The terminals in the order of the line.
     pub terminals: Vec<TerminalSettings>,
+    /// The axes in the order of the joints; empty without a robot.
+    pub axes: Vec<AxisSettings>,
 }
 
 impl EthercatSettings {
@@ -80,6 +89,12 @@ impl EthercatSettings {
         let listed = "the terminals by name, such as {lamps: {position: 2, type: EL2008}}";
         let value = settings.read("terminals", listed, None, |value| {
             value.as_object().filter(|all| !all.is_empty()).cloned()
+        })?;
+        let expected = "one axis for each joint of the robot, such as {joint_1: {terminal: x_drive, counts_per_rad: 1000000, following_window: 0.02 rad}}";
+        let axes = settings.read("axes", expected, Some(Map::new()), |value| {
+            let tables = |all: &&Map<String, Value>| all.values().all(Value::is_object);
+            let found = value.as_object().filter(tables);
+            found.filter(|all| !all.is_empty()).cloned()
         })?;
         settings.finish()?;
         let fault = |key: &str, cause: String, expected| DriverError::Setting {
@@ -117,13 +132,30 @@ impl EthercatSettings {
             let expected = "all terminals of the line, from position 1, couplers too";
             return Err(fault("terminals", cause, expected));
         }
+        let terminals: Vec<_> = placed.into_iter().map(|(_, terminal)| terminal).collect();
+        let robot = |cause| DriverError::Robot {
+            device: device.name.clone(),
+            cause,
+        };
+        let axes = match (&device.robot, axes.is_empty()) {
+            (None, true) => Vec::new(),
+            (None, false) => return Err(robot(NO_ROBOT)),
+            (Some(_), true) => return Err(robot(NO_AXES)),
+            (Some(of), false) => axis_settings::read(device, of, &axes, &terminals)?,
+        };
+        if !axes.is_empty() && axis_settings::interpolation(period).is_none() {
+            let cause = format!("{period:?} does not fit into the object 0x60C2 of a drive");
+            let expected = "up to 255 whole units of 1 ms, 100 µs or 10 µs";
+            return Err(fault("period", cause, expected));
+        }
         Ok(EthercatSettings {
             interface,
             period,
             timeout,
             lost_after,
             watchdog,
-            terminals: placed.into_iter().map(|(_, terminal)| terminal).collect(),
+            terminals,
+            axes,
         })
     }
 }
@@ -189,10 +221,10 @@ fn terminal(
         (Some(wanted), None, None) => {
             let model = wanted.as_str().and_then(Model::named);
             let Some(model) = model else {
-                let expected = "EL1008, EL2008, EL3064 or EL4004; for another type give `vendor` and `product`";
+                let expected = "EL1008, EL2008, EL3064, EL4004 or CiA402; for another type give `vendor` and `product`";
                 return Err(fault(".type", format!("unknown type {wanted}"), expected));
             };
-            (VENDOR, model.product, Some(model))
+            (model.vendor, model.product, Some(model))
         }
         (None, Some(vendor), Some(product)) => (vendor, product, None),
         _ => {

@@ -8,7 +8,7 @@ use ethercrab::std::ethercat_now;
 use ethercrab::subdevice_group::{PreOp, SafeOp};
 use ethercrab::{DefaultLock, MainDevice, SubDeviceGroup};
 
-use super::{ExpectedTerminal, IMAGE_MAX, SessionError, SessionOptions, TERMINALS_MAX};
+use super::{ExpectedTerminal, IMAGE_MAX, ObjectData, SessionError, SessionOptions, TERMINALS_MAX};
 
 /// A line in a state.
 pub(super) type Group<State> = SubDeviceGroup<TERMINALS_MAX, IMAGE_MAX, DefaultLock, State>;
@@ -73,12 +73,19 @@ async fn set(
             }
         }
         for object in &expected.objects {
-            let written = terminal.sdo_write(object.index, object.sub_index, object.value);
-            written.await.map_err(|error| SessionError::Object {
+            let (index, sub_index) = (object.index, object.sub_index);
+            let written = match object.value {
+                ObjectData::I8(value) => terminal.sdo_write(index, sub_index, value).await,
+                ObjectData::U8(value) => terminal.sdo_write(index, sub_index, value).await,
+                ObjectData::I16(value) => terminal.sdo_write(index, sub_index, value).await,
+                ObjectData::U16(value) => terminal.sdo_write(index, sub_index, value).await,
+                ObjectData::U32(value) => terminal.sdo_write(index, sub_index, value).await,
+            };
+            written.map_err(|error| SessionError::Object {
                 position,
                 name: expected.name.clone(),
-                index: object.index,
-                sub_index: object.sub_index,
+                index,
+                sub_index,
                 cause: error.to_string(),
             })?;
         }

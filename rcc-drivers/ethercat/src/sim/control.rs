@@ -2,16 +2,20 @@
 //! Run by the control port's threads.
 //!
 //! `{"state":null}` · `{"set":{"terminal":1,"channel":3,"value":1}}` · `{"pull":2}` · `{"plug":null}` · `{"kill":3}` ·
-//! `{"start":3}` · `{"drop":10}` · `{"miss":{"terminal":2,"frames":10}}` · `{"quit":null}`.
+//! `{"start":3}` · `{"drop":10}` · `{"miss":{"terminal":2,"frames":10}}` · `{"quit":null}`; of a drive
+//! `{"fault":{"terminal":5,"code":8976}}` · `{"block":{"terminal":5,"on":true}}` ·
+//! `{"torque_off":{"terminal":5,"on":true}}`.
 //! Terminals and channels start at 1. The value of a digital input is 0 or 1, that of an analog input the raw number;
 //! one beyond 16 bits is an over- or underrange. `pull` pulls the cable in front of a terminal, `plug` puts it back;
 //! `kill` takes the power of a terminal, and frames turn back in front of it; `start` gives it back; `drop` leaves this
 //! number of frames without an answer; `miss` lets a terminal take no part in this number of exchanges of process data, so
-//! that the working counter is too low. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
+//! that the working counter is too low; `fault` raises a fault with an error code at a drive, `block` blocks its motor, and
+//! `torque_off` switches its safe torque off on and off. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::drive::Drive;
 use super::line::{Line, Station};
 use super::sub_device::SubDevice;
 
@@ -35,8 +39,34 @@ pub enum LineCommand {
     Drop(u64),
     /// Lets a terminal take no part in the exchange of process data.
     Miss(Miss),
+    /// Raises a fault at a drive.
+    Fault(DriveFault),
+    /// Blocks the motor of a drive, or frees it.
+    Block(DriveSwitch),
+    /// Switches safe torque off of a drive on or off.
+    TorqueOff(DriveSwitch),
     /// Ends the simulator.
     Quit,
+}
+
+/// A drive and an error code.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriveFault {
+    /// Terminal, from 1.
+    pub terminal: usize,
+    /// Error code, as in object 0x603F.
+    pub code: u16,
+}
+
+/// A drive and a switch.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriveSwitch {
+    /// Terminal, from 1.
+    pub terminal: usize,
+    /// On or off.
+    pub on: bool,
 }
 
 /// A terminal and a number of frames.
@@ -75,6 +105,14 @@ pub enum ControlError {
         /// Number of the last terminal.
         last: usize,
     },
+    /// The terminal is no drive.
+    #[error("terminal {terminal} ({name}) is no drive")]
+    NoDrive {
+        /// Number of the terminal.
+        terminal: usize,
+        /// Its type.
+        name: &'static str,
+    },
     /// The terminal has no such input.
     #[error("terminal {terminal} ({name}) has no input {channel}; it has {count} inputs")]
     Channel {
@@ -111,6 +149,9 @@ impl Line {
             LineCommand::Start(terminal) => self.station(*terminal)?.powered = true,
             LineCommand::Drop(count) => self.drop = *count,
             LineCommand::Miss(miss) => self.station(miss.terminal)?.miss = miss.frames,
+            LineCommand::Fault(fault) => self.drive(fault.terminal)?.fail(fault.code),
+            LineCommand::Block(block) => self.drive(block.terminal)?.blocked = block.on,
+            LineCommand::TorqueOff(off) => self.drive(off.terminal)?.set_torque_off(off.on),
             LineCommand::Quit => {}
         }
         self.connect();
@@ -123,6 +164,13 @@ impl Line {
             .checked_sub(1)
             .and_then(|position| self.stations.get_mut(position));
         found.ok_or(ControlError::Terminal { terminal, last })
+    }
+
+    fn drive(&mut self, terminal: usize) -> Result<&mut Drive, ControlError> {
+        let device = &mut self.station(terminal)?.device;
+        let name = device.model().name;
+        let missing = ControlError::NoDrive { terminal, name };
+        device.drive_mut().ok_or(missing)
     }
 
     fn set(&mut self, input: &Input) -> Result<(), ControlError> {
@@ -153,6 +201,14 @@ impl Line {
 fn describe(station: &Station) -> Value {
     let device: &SubDevice = &station.device;
     let status = device.status();
+    let drive = device.drive().map(|drive| {
+        json!({
+            "state": drive.state(),
+            "position": drive.position(),
+            "target": drive.target(),
+            "error": drive.error(),
+        })
+    });
     json!({
         "name": device.model().name,
         "powered": station.powered,
@@ -162,6 +218,7 @@ fn describe(station: &Station) -> Value {
         "inputs": device.inputs(),
         "outputs": station.outputs(),
         "watchdog_trips": device.trips(),
+        "drive": drive,
     })
 }
 
@@ -186,7 +243,7 @@ mod tests {
             .flat_map(|line| line.split('`'))
             .filter(|part| part.starts_with('{') && !part.contains("ok") && !part.contains("error"))
             .collect();
-        assert_eq!(lines.len(), 9);
+        assert_eq!(lines.len(), 12);
         for text in lines {
             assert!(ask(&mut line(), text).is_ok(), "{text}");
         }
@@ -195,14 +252,16 @@ mod tests {
     #[test]
     fn what_does_not_exist_is_told_with_what_does() {
         let mut line = line();
-        let error = ask(&mut line, r#"{"kill":5}"#).unwrap_err();
-        let words = "terminal 5 does not exist: write a number from 1 to 4";
+        let error = ask(&mut line, r#"{"kill":6}"#).unwrap_err();
+        let words = "terminal 6 does not exist: write a number from 1 to 5";
         assert_eq!(error.to_string(), words);
         let error = ask(&mut line, r#"{"set":{"terminal":2,"channel":1,"value":1}}"#);
         let words = "terminal 2 (EL2008) has no input 1; it has 0 inputs";
         assert_eq!(error.unwrap_err().to_string(), words);
+        let error = ask(&mut line, r#"{"block":{"terminal":2,"on":true}}"#).unwrap_err();
+        assert_eq!(error.to_string(), "terminal 2 (EL2008) is no drive");
         assert!(ask(&mut line, r#"{"pull":0}"#).is_err());
-        assert_eq!(line.reach(), 4);
+        assert_eq!(line.reach(), 5);
     }
 
     #[test]
@@ -220,6 +279,17 @@ mod tests {
         assert_eq!(state["terminals"][0]["state"], "INIT");
         assert_eq!(state["terminals"][2]["powered"], false);
         ask(&mut line, r#"{"start":3}"#).unwrap();
-        assert_eq!(line.reach(), 4);
+        assert_eq!(line.reach(), 5);
+    }
+
+    #[test]
+    fn a_fault_on_purpose_is_that_of_the_drive() {
+        let mut line = line();
+        ask(&mut line, r#"{"fault":{"terminal":5,"code":8976}}"#).unwrap();
+        let drive = &ask(&mut line, r#"{"state":null}"#).unwrap()["terminals"][4]["drive"];
+        assert_eq!(
+            (&drive["state"], &drive["error"]),
+            (&json!("fault"), &json!(8976))
+        );
     }
 }

@@ -2,7 +2,7 @@
 //! registers by which a MainDevice reads it.
 //! Built at the start; the registers are served by the thread of the socket.
 
-use super::model::{MAILBOX_IN, MAILBOX_OUT, MAILBOX_SIZE, Model, VENDOR};
+use super::model::{MAILBOX_IN, MAILBOX_OUT, MAILBOX_SIZE, Model};
 use super::registers::{EEPROM_ADDRESS, EEPROM_CONTROL, EEPROM_DATA, Memory};
 
 /// Size of the EEPROM, bytes.
@@ -28,7 +28,7 @@ pub fn image(model: &Model, serial: u32) -> Vec<u8> {
     ];
     put_words(&mut image, words);
     for (word, value) in [
-        (0x08, VENDOR),
+        (0x08, model.vendor),
         (0x0a, model.product),
         (0x0c, model.revision),
         (0x0e, serial),
@@ -79,11 +79,12 @@ fn categories(model: &Model, image: &mut Vec<u8>) {
         managers.extend([manager.control, 0, enabled, manager.kind]);
     }
     category(image, 41, &managers);
-    category(
-        image,
-        if model.is_output() { 51 } else { 50 },
-        &process_data(model),
-    );
+    // Inputs and outputs, as the MainDevice sees them.
+    for (number, manager) in [(50, model.inputs_manager()), (51, model.outputs_manager())] {
+        if let Some((manager, _)) = manager {
+            category(image, number, &process_data(model, number == 51, manager));
+        }
+    }
     image.extend([0xff, 0xff]);
 }
 
@@ -121,10 +122,10 @@ fn general(model: &Model) -> [u8; 32] {
     data
 }
 
-fn process_data(model: &Model) -> Vec<u8> {
-    let (manager, _) = model.process_manager();
+fn process_data(model: &Model, outputs: bool, manager: u16) -> Vec<u8> {
     let mut data = Vec::new();
-    for pdo in model.pdos() {
+    let pdos = model.pdos().into_iter();
+    for pdo in pdos.filter(|pdo| pdo.is_output() == outputs) {
         data.extend(pdo.index.to_le_bytes());
         data.extend([pdo.entries.len() as u8, manager as u8, 0, 0, 0, 0]);
         for entry in pdo.entries {
@@ -186,15 +187,17 @@ mod tests {
     fn the_categories_of_every_model_form_a_chain_to_the_end() {
         for model in MODELS {
             let image = image(model, 7);
-            assert_eq!(word(&image, 0x08), 2);
+            assert_eq!(u32::from(word(&image, 0x08)), model.vendor & 0xffff);
             let mut at = 0x40;
             let mut found = Vec::new();
             while word(&image, at) != 0xffff {
                 found.push(word(&image, at));
                 at += 2 + usize::from(word(&image, at + 1));
             }
-            let data = if model.is_output() { 51 } else { 50 };
-            assert_eq!(found, [10, 30, 40, 41, data], "{}", model.name);
+            let mut wanted = vec![10, 30, 40, 41];
+            wanted.extend(model.has_inputs().then_some(50));
+            wanted.extend(model.has_outputs().then_some(51));
+            assert_eq!(found, wanted, "{}", model.name);
             assert!(image.len() <= usize::from(SIZE));
         }
     }

@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use super::model::{Channels, Model, VENDOR};
+use super::drive_objects;
+use super::model::{Channels, Model};
 
 /// Abort codes of SDO (ETG.1000.6, table 40).
 pub mod abort {
@@ -14,6 +15,8 @@ pub mod abort {
     pub const READ_ONLY: u32 = 0x0601_0002;
     /// There is no such object.
     pub const NO_OBJECT: u32 = 0x0602_0000;
+    /// The value is not supported.
+    pub const VALUE: u32 = 0x0609_0030;
     /// Data type and length do not fit.
     pub const LENGTH: u32 = 0x0607_0010;
     /// There is no such sub-index.
@@ -22,11 +25,16 @@ pub mod abort {
     pub const COMMAND: u32 = 0x0504_0001;
 }
 
+/// A setting: index, sub-index, default, and the only value that is supported, if there is only one.
+pub type Setting = (u16, u8, &'static [u8], Option<&'static [u8]>);
+
 /// One object or one entry of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Entry {
     data: Vec<u8>,
     writable: bool,
+    /// The only value that can be written.
+    only: Option<&'static [u8]>,
 }
 
 /// All objects, by index and sub-index.
@@ -45,23 +53,25 @@ impl ObjectDictionary {
         objects.constant(0x1008, 0, model.name.as_bytes());
         objects.constant(0x1009, 0, b"00");
         objects.constant(0x100a, 0, b"01");
-        let identity = [VENDOR, model.product, model.revision, serial];
+        let identity = [model.vendor, model.product, model.revision, serial];
         objects.array(0x1018, identity.map(u32::to_le_bytes));
         objects.array(0x1c00, [[1], [2], [3], [4]]);
-        let assigned = model.pdos().into_iter().map(|pdo| pdo.index.to_le_bytes());
-        let (outputs, inputs) = if model.is_output() {
-            (assigned.collect(), Vec::new())
-        } else {
-            (Vec::new(), assigned.collect())
+        let assigned = |outputs| {
+            let pdos = model.pdos().into_iter();
+            let of = pdos.filter(move |pdo| pdo.is_output() == outputs);
+            of.map(|pdo| pdo.index.to_le_bytes())
         };
-        objects.array(0x1c12, outputs);
-        objects.array(0x1c13, inputs);
+        objects.array(0x1c12, assigned(true));
+        objects.array(0x1c13, assigned(false));
         for pdo in model.pdos() {
             let mapped = pdo.entries.iter().map(|entry| {
                 let object = u32::from(entry.index) << 16 | u32::from(entry.sub_index) << 8;
                 (object | u32::from(entry.bits)).to_le_bytes()
             });
             objects.array(pdo.index, mapped);
+        }
+        if model.channels == Channels::Drive {
+            drive_objects::add(&mut objects);
         }
         for channel in 0..u16::from(model.count) {
             let settings = 0x8000 + channel * 0x10;
@@ -78,7 +88,8 @@ impl ObjectDictionary {
         objects
     }
 
-    fn constant(&mut self, index: u16, sub_index: u8, data: &[u8]) {
+    /// Adds or changes an object that can only be read.
+    pub fn constant(&mut self, index: u16, sub_index: u8, data: &[u8]) {
         self.put(index, sub_index, data, false);
     }
 
@@ -88,9 +99,26 @@ impl ObjectDictionary {
         self.constant(index, 0, &[sub_index]);
     }
 
+    /// Adds settings; sub-index 0 of a list holds its largest sub-index.
+    pub fn settings(&mut self, settings: &[Setting]) {
+        for (index, sub_index, default, only) in settings {
+            match sub_index {
+                0 => self.put(*index, 0, default, true),
+                _ => self.setting(*index, *sub_index, default),
+            }
+            if let Some(entry) = self.0.get_mut(&(*index, *sub_index)) {
+                entry.only = *only;
+            }
+        }
+    }
+
     fn put(&mut self, index: u16, sub_index: u8, data: &[u8], writable: bool) {
-        let data = data.to_vec();
-        self.0.insert((index, sub_index), Entry { data, writable });
+        let entry = Entry {
+            data: data.to_vec(),
+            writable,
+            only: None,
+        };
+        self.0.insert((index, sub_index), entry);
     }
 
     /// Adds a list: sub-index 0 holds its length.
@@ -146,6 +174,7 @@ impl ObjectDictionary {
                 writable: false, ..
             } => Err(abort::READ_ONLY),
             entry if entry.data.len() != data.len() => Err(abort::LENGTH),
+            entry if entry.only.is_some_and(|only| only != data) => Err(abort::VALUE),
             entry => {
                 entry.data = data.to_vec();
                 Ok(())

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::drive::Drive;
 use super::eeprom;
 use super::frame::{Access, Datagram};
 use super::mailbox::Mailbox;
@@ -11,6 +12,7 @@ use super::objects::ObjectDictionary;
 use super::registers::{self as register, Memory, SM, SM_SIZE, SyncManager};
 use super::state_machine::{State, Status, code};
 
+mod axis;
 mod process_data;
 
 use process_data::saturate;
@@ -32,6 +34,8 @@ pub struct SubDevice {
     status: Status,
     mailbox: Mailbox,
     objects: ObjectDictionary,
+    /// The axis of a drive.
+    drive: Option<Drive>,
     /// Values at the input terminals; they outlast a loss of power.
     inputs: [i32; CHANNELS_MAX],
     /// Since when no outputs arrived.
@@ -51,6 +55,7 @@ impl SubDevice {
             status: Status::POWER_ON,
             mailbox: Mailbox::default(),
             objects: ObjectDictionary::new(model, serial),
+            drive: (model.channels == Channels::Drive).then(|| Drive::new(0)),
             inputs: [0; CHANNELS_MAX],
             silent_since: Duration::ZERO,
             trips: 0,
@@ -71,8 +76,9 @@ impl SubDevice {
     /// Loses its power and gets it back: registers, settings and outputs are those of power-on.
     pub fn restart(&mut self) {
         let (inputs, trips) = (self.inputs, self.trips);
+        let drive = self.drive.as_ref().map(Drive::restarted);
         *self = SubDevice::new(self.model, self.serial);
-        (self.inputs, self.trips) = (inputs, trips);
+        (self.inputs, self.trips, self.drive) = (inputs, trips, drive);
     }
 
     /// Returns its type.
@@ -114,7 +120,7 @@ impl SubDevice {
     /// Returns the values at the input terminals: 0 or 1, or raw numbers. Empty for a terminal with outputs.
     #[must_use]
     pub fn inputs(&self) -> &[i32] {
-        match self.model.is_output() {
+        match self.model.has_outputs() {
             true => &[],
             false => self
                 .inputs
@@ -136,11 +142,10 @@ impl SubDevice {
     /// Returns the values at the output terminals: 0 or 1, or raw numbers. Empty for a terminal with inputs.
     #[must_use]
     pub fn outputs(&self) -> Vec<i32> {
-        if !self.model.is_output() {
+        let Some((_, manager)) = self.model.outputs_manager() else {
             return Vec::new();
-        }
+        };
         let driven = self.status.state == State::Op;
-        let (_, manager) = self.model.process_manager();
         let channels = 0..self.model.count;
         let value = |channel: u8| match self.model.channels {
             Channels::DigitalOutput if driven => {
@@ -168,7 +173,9 @@ impl SubDevice {
             let count = self.memory.u8(register::WATCHDOG_COUNT).saturating_add(1);
             self.memory.put(register::WATCHDOG_COUNT, &[count]);
             self.show_status();
+            self.lose_communication();
         }
+        self.advance_drive(now);
     }
 
     /// Returns when its watchdog expires unless outputs arrive; `None` if it does not run.
@@ -184,10 +191,9 @@ impl SubDevice {
     fn watchdog(&self) -> Option<Duration> {
         let time = u64::from(self.memory.u16(register::WATCHDOG_TIME));
         let divider = u64::from(self.memory.u16(register::WATCHDOG_DIVIDER)) + 2;
-        let (number, _) = self.model.process_manager();
+        let (number, _) = self.model.outputs_manager()?;
         let triggers = SyncManager::read(&self.memory, number).control & 0x40 != 0;
-        (self.model.is_output() && triggers && time > 0)
-            .then(|| Duration::from_nanos(time * divider * WATCHDOG_UNIT_NS))
+        (triggers && time > 0).then(|| Duration::from_nanos(time * divider * WATCHDOG_UNIT_NS))
     }
 
     /// Carries out what a datagram asks of this SubDevice, which is addressed.
@@ -290,6 +296,7 @@ impl SubDevice {
         if self.status.state == State::Init {
             return;
         }
+        self.show_drive();
         let (count, inputs) = (self.model.count, self.inputs);
         let outputs = self.outputs();
         for channel in 0..count {
@@ -329,9 +336,11 @@ impl SubDevice {
 
     /// Restarts the watchdog if a write ends in the buffer of the outputs.
     fn note_outputs(&mut self, address: u16, size: usize, now: Duration) {
-        let (number, _) = self.model.process_manager();
+        let Some((number, _)) = self.model.outputs_manager() else {
+            return;
+        };
         let manager = SyncManager::read(&self.memory, number);
-        if self.model.is_output() && manager.active && manager.ends_in(address, size) {
+        if manager.active && manager.ends_in(address, size) {
             self.silent_since = now;
             self.memory.put_u16(register::WATCHDOG_STATUS, 1);
         }
@@ -342,6 +351,7 @@ impl SubDevice {
         let control = self.memory.u16(register::AL_CONTROL);
         let before = self.status;
         self.status = before.request(control, |state| self.check(state));
+        self.follow_state(before.state);
         if before.state != State::Op && self.status.state == State::Op {
             self.silent_since = now;
             self.memory.put_u16(register::WATCHDOG_STATUS, 1);

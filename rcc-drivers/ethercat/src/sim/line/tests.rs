@@ -16,7 +16,7 @@ const FRMW: u8 = 14;
 const START: Duration = Duration::from_secs(1);
 
 fn line() -> Line {
-    Line::new(&MODELS.iter().collect::<Vec<_>>())
+    Line::new(&MODELS.iter().take(4).collect::<Vec<_>>())
 }
 
 /// Sends one datagram; returns its data and its working counter.
@@ -59,12 +59,13 @@ fn configure(line: &mut Line, position: u16, logical: u32) {
         bytes.extend([manager.control, 0, u8::from(manager.length > 0), 0]);
         write(line, station, 0x0800 + number * 8, &bytes);
     }
-    let (_, manager) = model.process_manager();
+    let manager = model.outputs_manager().or(model.inputs_manager());
+    let (_, manager) = manager.expect("process data");
     let mut bytes = logical.to_le_bytes().to_vec();
     bytes.extend(manager.length.to_le_bytes());
     bytes.extend([0, 7]);
     bytes.extend(manager.start.to_le_bytes());
-    bytes.extend([0, if model.is_output() { 2 } else { 1 }, 1, 0, 0, 0]);
+    bytes.extend([0, if model.has_outputs() { 2 } else { 1 }, 1, 0, 0, 0]);
     write(line, station, 0x0600, &bytes);
     for state in [2, 4, 8] {
         assert_eq!(write(line, station, 0x0120, &[state, 0]), 1);

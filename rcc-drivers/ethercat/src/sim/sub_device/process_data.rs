@@ -26,21 +26,31 @@ impl SubDevice {
         };
         let (logical, size) = (datagram.logical(), datagram.data.len());
         let sent = datagram.data.to_vec();
-        let (number, _) = self.model.process_manager();
-        let manager = SyncManager::read(&self.memory, number);
+        let manager = |manager: Option<(u16, _)>| {
+            let manager = manager.map(|(number, _)| SyncManager::read(&self.memory, number));
+            manager.filter(|manager| manager.active)
+        };
+        let inputs = manager(self.model.inputs_manager());
+        let outputs = manager(self.model.outputs_manager());
         let (mut read, mut written) = (false, false);
         for number in 0..self.model.fmmu_uses().len() as u16 {
             let Some(fmmu) = Fmmu::read(&self.memory, number) else {
                 continue;
             };
             for bit in fmmu.bits(logical, size) {
-                let data = manager.active && manager.contains(bit.address);
-                if reads && fmmu.reads && (data || bit.address < 0x1000) {
+                let within = |manager: &Option<SyncManager>| {
+                    manager
+                        .as_ref()
+                        .is_some_and(|one| one.contains(bit.address))
+                };
+                // Both buffers, and the registers with the state of the mailbox.
+                let readable = within(&inputs) || within(&outputs) || bit.address < 0x1000;
+                if reads && fmmu.reads && readable {
                     let value = self.memory.u8(bit.address) >> bit.bit & 1;
                     put_bit(datagram.data, bit.data, value);
                     read = true;
                 }
-                if writes && fmmu.writes && data && self.model.is_output() {
+                if writes && fmmu.writes && within(&outputs) {
                     let value = sent
                         .get(bit.data / 8)
                         .map_or(0, |byte| byte >> (bit.data % 8));
@@ -52,13 +62,18 @@ impl SubDevice {
                 }
             }
         }
+        if written {
+            self.command_drive();
+        }
         let weight = if access == Access::ReadWrite { 2 } else { 1 };
         datagram.count(u16::from(read) + weight * u16::from(written));
     }
 
     /// Copies the values at the input terminals into the buffer that the MainDevice reads.
     fn latch_inputs(&mut self) {
-        let (_, manager) = self.model.process_manager();
+        let Some((_, manager)) = self.model.inputs_manager() else {
+            return;
+        };
         match self.model.channels {
             Channels::DigitalInput => {
                 let bits = self.inputs.iter().zip(0..);
@@ -73,6 +88,7 @@ impl SubDevice {
                     self.memory.put_u16(at + 2, value.cast_unsigned());
                 }
             }
+            Channels::Drive => self.latch_drive(),
             Channels::DigitalOutput | Channels::AnalogOutput => {}
         }
     }

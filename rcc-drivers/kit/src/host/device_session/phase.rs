@@ -19,7 +19,7 @@ use rcc_core::message::{Joints, SetPoint};
 use rcc_motion::StopTrajectory;
 
 use super::DeviceSession;
-use super::playback::{PlayEnd, Playback, PlaybackContext};
+use super::playback::{PlayEnd, Playback, PlaybackContext, comes_to_rest};
 use crate::driver::Exchange;
 use crate::host::reason;
 
@@ -145,21 +145,24 @@ impl DeviceSession {
         self.step_to_rest(exchange);
     }
 
-    /// The net no longer commands, from cycle `entry` on: holds the position if the arm is slow, otherwise starts a
-    /// stop.
+    /// The net no longer commands, from cycle `entry` on: ends at its last set-point if the arm is slow, or if a long exchange
+    /// has gone over its last set-points and these come to rest; otherwise starts a stop.
     fn end_released(&mut self, entry: u64, exchange: &Exchange) {
         let SessionPhase::Following(playback) = &mut self.phase else {
             return;
         };
-        if !playback.is_slow(&self.settings.limits) {
+        let (buffer, limits) = (&self.feed.buffer, &self.settings.limits);
+        let is_slow = playback.is_slow(limits);
+        if !is_slow && !comes_to_rest(buffer, entry, limits) {
             return self.stop(reason::RELEASED_MOVING);
         }
-        let last = self.feed.buffer.commanded(entry - 1);
-        if let Some(last) = last
-            && playback.may_end_at(&last.position, exchange.dt_s())
-        {
-            // A pointer between two set-points has not quite reached the last one.
-            self.position = last.position;
+        let last = buffer.commanded(entry - 1);
+        let last = last.filter(|last| playback.may_end_at(&last.position, exchange.dt_s()));
+        match last {
+            // A pointer between two set-points, or before several of them, has not quite reached the last one.
+            Some(last) => self.position = last.position,
+            None if is_slow => {}
+            None => return self.stop(reason::RELEASED_MOVING),
         }
         self.phase = SessionPhase::Holding;
         self.feed.cursor = entry;

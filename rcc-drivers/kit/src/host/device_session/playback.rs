@@ -144,6 +144,22 @@ impl SentSetPoint {
     }
 }
 
+/// Returns true if the set-points before cycle `entry` end slowly: the arm may rest at the last one.
+pub(super) fn comes_to_rest(buffer: &SetPointBuffer, entry: u64, limits: &ArmLimits) -> bool {
+    let before = entry
+        .checked_sub(2)
+        .and_then(|before| buffer.commanded(before));
+    let last = entry.checked_sub(1).and_then(|last| buffer.commanded(last));
+    before.zip(last).is_some_and(|(before, last)| {
+        let from = SentSetPoint {
+            position: before.position,
+            ..SentSetPoint::default()
+        };
+        let period_s = buffer.period_ns() as f64 * 1e-9;
+        from.then(last.position, period_s).is_slow(limits)
+    })
+}
+
 impl FollowedNet {
     /// Checks a position (rad) and the impedance of a set-point against the limits, and against those sent before; `old`
     /// is the cycle of the pointer before this exchange. The impedance is checked in logical time, regardless of the

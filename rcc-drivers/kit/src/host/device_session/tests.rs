@@ -5,6 +5,7 @@ use super::*;
 
 mod fixture;
 mod lockstep;
+mod stalls;
 
 use fixture::{DELAY, MS, SessionFixture, at, motion, session, usual};
 
