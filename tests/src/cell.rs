@@ -54,14 +54,19 @@ impl TestCell {
 
     /// Starts the cell of a fixture and waits until it is ready.
     pub fn in_fixture(place: CellFixture) -> TestCell {
+        let mut cell = TestCell::begin(place);
+        cell.await_ready();
+        cell
+    }
+
+    /// Starts the cell of a fixture and returns immediately: some of its devices wait for something else.
+    pub fn begin(place: CellFixture) -> TestCell {
         let up = start_up(&place);
-        let mut cell = TestCell {
+        TestCell {
             _life: CellTimeout::begin(place.folder()),
             place: Some(place),
             up,
-        };
-        cell.await_ready();
-        cell
+        }
     }
 
     /// Waits until every device is ready.

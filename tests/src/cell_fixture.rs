@@ -35,6 +35,8 @@ pub struct CellFixture {
     config: PathBuf,
     ports: BTreeMap<String, u16>,
     files: AtomicU32,
+    /// Name of the network namespace in which its programs run; `None`: that of the test.
+    namespace: Option<String>,
 }
 
 impl CellFixture {
@@ -71,7 +73,15 @@ impl CellFixture {
             config,
             ports,
             files: AtomicU32::new(0),
+            namespace: None,
         }
+    }
+
+    /// Runs the programs of the cell in this network namespace, which exists.
+    #[must_use]
+    pub fn in_namespace(mut self, name: &str) -> CellFixture {
+        self.namespace = Some(name.to_owned());
+        self
     }
 
     /// Returns the cell.
@@ -106,7 +116,20 @@ impl CellFixture {
 
     /// Returns the command for an RCC program that takes `--cell`, set up for this cell.
     pub fn program(&self, name: &str) -> Command {
-        let mut command = Command::new(program(name));
+        self.program_at(&program(name))
+    }
+
+    /// Like [`CellFixture::program`], for a program that the workspace does not have.
+    pub fn program_at(&self, path: &Path) -> Command {
+        let mut command = match &self.namespace {
+            None => Command::new(path),
+            Some(namespace) => {
+                let mut command = Command::new("ip");
+                command.args(["netns", "exec", namespace]);
+                command.arg(path);
+                command
+            }
+        };
         command
             .args(["--cell", NAME])
             .env("RCC_RUNTIME_DIR", &self.base)

@@ -26,6 +26,7 @@ mod iiwa;
 mod impedance;
 mod incidents;
 mod life;
+mod link;
 mod memory;
 mod metrics;
 mod outcomes;

@@ -10,6 +10,7 @@ use crate::access::AccessConfig;
 use crate::device::DeviceConfig;
 use crate::diagnostic::Faults;
 use crate::file::{self, SourceFile};
+use crate::link::LinkConfig;
 use crate::ports::PortNumbers;
 use crate::recorder::RecorderConfig;
 
@@ -44,6 +45,8 @@ pub struct CellConfig {
     pub supervision: SupervisionConfig,
     /// Access for others than the user that runs the cell.
     pub access: AccessConfig,
+    /// Link to other cells; `None`: nothing leaves this one.
+    pub link: Option<LinkConfig>,
     /// Devices in the order of the file, at most 16; the position is the device index in plans.
     pub devices: Vec<DeviceConfig>,
     /// Simulators that `up` starts; none in production.

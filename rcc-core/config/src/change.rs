@@ -130,6 +130,7 @@ impl CellConfig {
             ("recorder", self.recorder != other.recorder),
             ("supervision", self.supervision != other.supervision),
             ("access", self.access != other.access),
+            ("link", self.link != other.link),
             ("ports", self.ports != other.ports),
             ("simulators", self.simulators != other.simulators),
         ];

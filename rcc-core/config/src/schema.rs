@@ -28,6 +28,7 @@ pub fn cell() -> Value {
         "recorder": recorder(),
         "supervision": supervision(),
         "access": access(),
+        "link": link_of_cell(),
         "ports": by_name(ID, "Network ports by name; `${name}` in texts is replaced by the number.", json!({
             "anyOf": [{"type": "integer", "minimum": 1, "maximum": 65535}, {"enum": ["auto udp", "auto tcp"]}],
         })),
@@ -193,6 +194,26 @@ fn access() -> Value {
         "Access for others than the user that runs the cell.",
         &[],
         json!({"group": text("Group whose members may use the Unix socket."), "tcp": tcp}),
+    )
+}
+
+fn link_of_cell() -> Value {
+    let texts = |description: &str| json!({"description": description, "type": "array", "items": {"type": "string"}});
+    object(
+        "Link to other cells, carried by `rcc-link`.",
+        &["site"],
+        json!({
+            "site": named("Name of the site, the second part of every key.", CELL_NAME),
+            "listen": texts("Endpoints at which others reach this cell: `tcp/192.168.0.1:7447`."),
+            "connect": texts("Endpoints of other cells or routers."),
+            "publish": texts("Patterns of the topics that leave this cell, with * and ?; all by default."),
+            "rate": quantity("Greatest rate of each topic: `100 Hz`."),
+            "start": {
+                "description": "For each other cell, SITE/CELL, the nets that it may start; none by default.",
+                "type": "object",
+                "additionalProperties": texts("Names of nets."),
+            },
+        }),
     )
 }
 
@@ -436,6 +457,7 @@ mod tests {
             (&["devices", "driver"], &of_cell::DRIVER),
             (&["recorder"], &crate::recorder::KEYS),
             (&["access"], &crate::access::KEYS),
+            (&["link"], &crate::link::KEYS),
         ] {
             assert_eq!(keys(&schema, path), sorted(known), "{path:?}");
         }

@@ -56,6 +56,12 @@ impl Pattern {
     }
 }
 
+/// Returns true if `*` (any characters) and `?` (one) of a pattern make it this name.
+#[must_use]
+pub fn wildcard(pattern: &str, name: &str) -> bool {
+    matches(pattern.as_bytes(), name.as_bytes())
+}
+
 /// Glob matching in at most pattern × name steps: only the last `*` is ever retried.
 fn matches(glob: &[u8], name: &[u8]) -> bool {
     let (mut g, mut n) = (0, 0);

@@ -16,6 +16,7 @@ use crate::diagnostic::{Faults, Span};
 use crate::driver::{DriverConfig, DriverNeed, DriverProgram};
 use crate::file::{self, SourceFile};
 use crate::file_kind::FileKind;
+use crate::link;
 use crate::ports::{self, PortNumbers};
 use crate::reader::{CELL_NAME, ConfigReader, DEVICE_NAME, Fields, QuantityRange, error};
 use crate::recorder;
@@ -23,7 +24,7 @@ use crate::robot::{self, RobotConfig};
 use crate::workspace;
 use crate::yaml::{Entry, Node, Value};
 
-pub const KEYS: [&str; 11] = [
+pub const KEYS: [&str; 12] = [
     "cell",
     "period",
     "stale_after",
@@ -32,6 +33,7 @@ pub const KEYS: [&str; 11] = [
     "recorder",
     "supervision",
     "access",
+    "link",
     "ports",
     "simulators",
     "devices",
@@ -152,6 +154,7 @@ impl CellFileReader<'_> {
         let recorder = recorder::read(&mut self.reader, &fields, self.base);
         let supervision = self.supervision(&fields);
         let access = access::read(&mut self.reader, &fields, self.base, &self.ports);
+        let link = link::read(&mut self.reader, &fields, &self.ports);
         let simulators = self.simulators(&fields);
         let devices = self.devices(&fields);
         let clock = clock::read(&mut self.reader, &fields, self.period_ns);
@@ -165,6 +168,7 @@ impl CellFileReader<'_> {
             recorder: recorder?,
             supervision: supervision?,
             access: access?,
+            link: link?,
             devices: devices?,
             simulators: simulators?,
             ports: self.ports.clone(),

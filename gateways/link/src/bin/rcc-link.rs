@@ -1,0 +1,194 @@
+//! `rcc-link`: the gateway between cells, and what people ask over it. The main thread publishes or asks; one waits for
+//! signals, the others are in `gateways/link/src/gateway.rs`.
+
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{Args, Parser, Subcommand};
+use rcc_config::CellConfig;
+use rcc_config::link::{is_cell_key, is_endpoint};
+use rcc_link::fleet::{self, FleetError, FoundCell};
+use rcc_link::gateway::{self, GatewayError, GatewayOptions};
+use rcc_link::keys::Operation;
+use rcc_process::Stop;
+use rcc_process::oom::{SCORE_OBSERVER, raise_score};
+
+/// Cells on several hosts: carries topics, events and states of a cell, and lists and asks other cells.
+#[derive(Parser)]
+#[command(name = "rcc-link", version = rcc_protocol::version::version())]
+struct Arguments {
+    /// Name of the cell that is carried [default: the one in its configuration]
+    #[arg(long, env = "RCC_CELL")]
+    cell: Option<String>,
+    #[command(subcommand)]
+    what: LinkCommand,
+}
+
+#[derive(Subcommand)]
+enum LinkCommand {
+    /// Carry topics, events and states of a cell to other hosts, and their START and CANCEL to it, as its `link:` says
+    Serve {
+        /// Configuration of the cell, which has a `link:`; the cell need not run yet
+        #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
+        config: PathBuf,
+        /// End with the process that started this one
+        #[arg(long)]
+        parent_death: bool,
+    },
+    /// List the cells that can be reached
+    Cells {
+        #[command(flatten)]
+        reach: Reach,
+        /// Only those of this site
+        #[arg(long, default_value = "*")]
+        site: String,
+    },
+    /// Start a net of another cell, if that cell's `link: start` allows it
+    Start(Ask),
+    /// Cancel a net of another cell
+    Cancel(Ask),
+}
+
+#[derive(Args)]
+struct Reach {
+    /// Endpoint of an rcc-link or a router, such as tcp/192.168.0.7:7447
+    #[arg(long, value_name = "ENDPOINT", required = true, value_parser = endpoint)]
+    connect: Vec<String>,
+}
+
+#[derive(Args)]
+struct Ask {
+    #[command(flatten)]
+    reach: Reach,
+    /// Cell that asks
+    #[arg(long = "as", value_name = "SITE/CELL", value_parser = cell_key)]
+    peer: String,
+    /// Cell that is asked
+    #[arg(value_name = "SITE/CELL", value_parser = cell_key)]
+    cell: String,
+    /// Name of the net
+    net: String,
+}
+
+fn endpoint(text: &str) -> Result<String, String> {
+    match is_endpoint(text) {
+        true => Ok(text.to_owned()),
+        false => Err("write protocol, host and port: tcp/192.168.0.7:7447".to_owned()),
+    }
+}
+
+fn cell_key(text: &str) -> Result<String, String> {
+    match is_cell_key(text) {
+        true => Ok(text.to_owned()),
+        false => Err("write site and cell: lab/press".to_owned()),
+    }
+}
+
+/// The reason why nothing is carried.
+#[derive(Debug, thiserror::Error)]
+enum LinkError {
+    #[error("{0}")]
+    Config(rcc_config::diagnostic::Faults),
+    #[error("{0} has no `link:`: add `link: {{site: SITE, listen: [\"tcp/ADDRESS:7447\"]}}`")]
+    NoLink(String),
+    #[error("{0}: `link` has neither `listen` nor `connect`, so nobody can be reached")]
+    Nobody(String),
+    #[error("cannot start: {0}")]
+    Signals(#[from] rcc_process::signals::SignalError),
+    #[error("cannot start: {0}")]
+    System(#[from] std::io::Error),
+    #[error(transparent)]
+    Gateway(#[from] GatewayError),
+    #[error(transparent)]
+    Fleet(#[from] FleetError),
+}
+
+fn main() -> ExitCode {
+    rcc_process::log();
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            rcc_process::remark(&format!("rcc-link: {error}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
+    match what {
+        LinkCommand::Serve {
+            config,
+            parent_death,
+        } => serve(cell, &config, parent_death),
+        LinkCommand::Cells { reach, site } => {
+            let session = fleet::connect(&reach.connect)?;
+            for (name, cell) in fleet::cells(&session, &site)? {
+                rcc_process::say(&row(&name, &cell));
+            }
+            Ok(())
+        }
+        LinkCommand::Start(ask) => operate(&ask, Operation::Start),
+        LinkCommand::Cancel(ask) => operate(&ask, Operation::Cancel),
+    }
+}
+
+fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {
+    let session = fleet::connect(&ask.reach.connect)?;
+    let answer = fleet::ask(&session, (&ask.peer, &ask.cell), operation, &ask.net)?;
+    rcc_process::say(&format!(
+        "{}  {} in cycle {}",
+        ask.cell,
+        operation.name(),
+        answer["cycle"]
+    ));
+    Ok(())
+}
+
+/// Returns the line of a cell.
+fn row(name: &str, cell: &FoundCell) -> String {
+    let alive = if cell.is_alive {
+        "alive"
+    } else {
+        "no executor"
+    };
+    match &cell.status {
+        None => format!("{name}  {alive}  no status"),
+        Some(status) => {
+            let executor = &status["executor"];
+            format!(
+                "{name}  {alive}  cycle {}  late {}",
+                executor["cycle"], executor["late"]
+            )
+        }
+    }
+}
+
+fn serve(cell: Option<String>, file: &Path, parent_death: bool) -> Result<(), LinkError> {
+    // If memory runs out, the kernel should first end processes that only observe.
+    let _ = raise_score(SCORE_OBSERVER);
+    // Before the first thread, which inherits the mask.
+    let signals = Stop::prepare(parent_death)?;
+    let config = CellConfig::load_offline(file).map_err(LinkError::Config)?;
+    let file = file.display().to_string();
+    let link = config.link.ok_or_else(|| LinkError::NoLink(file.clone()))?;
+    if link.listen.is_empty() && link.connect.is_empty() {
+        return Err(LinkError::Nobody(file));
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&stop);
+    rcc_process::helpers::thread("signals", move || {
+        let signal = signals.wait();
+        tracing::info!(%signal, "ends");
+        // Release pairs with the acquire of the other threads.
+        told.store(true, Ordering::Release);
+    })?;
+    let options = GatewayOptions {
+        cell: cell.unwrap_or(config.name),
+        link,
+    };
+    Ok(gateway::run(&options, &stop)?)
+}

@@ -1,0 +1,293 @@
+//! `rcc-link-device`: a driver whose inputs are topics of another cell. Each channel has its newest value; what is older than
+//! `expires` is null. Run by the host's exchange thread; Zenoh's threads fill the [`Inbox`].
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use rcc_config::link::{is_cell_key, is_endpoint};
+use rcc_core::impedance::ControlMode;
+use rcc_core::message::JOINTS_MAX;
+use rcc_core::primitive::ChannelKind;
+use rcc_driver_kit::driver::{
+    Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, PeriodTimer, Settings,
+};
+use rcc_driver_kit::host::reason::Reason;
+use rcc_driver_kit::rcc_config::DeviceConfig;
+use serde_json::{Value, json};
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait};
+
+use crate::keys::CellKeys;
+use crate::session::{self, SessionError};
+use channels::{LinkChannel, link_channels};
+use inbox::{ChannelState, Inbox};
+
+mod channels;
+mod inbox;
+
+/// Nothing is connected.
+pub const NO_CONNECTION: u32 = 100;
+/// Connected, but the cell is not there.
+pub const NO_CELL: u32 = 101;
+/// The cell is there, but a topic is not.
+pub const NO_TOPIC: u32 = 102;
+/// A topic has another type or unit than its channel.
+pub const OTHER_KIND: u32 = 103;
+/// Values are too old.
+pub const STALE: u32 = 104;
+
+/// Meaning of the reason numbers.
+pub const REASONS: &[Reason] = &[
+    (
+        NO_CONNECTION,
+        "nothing answers at settings.connect: check the address, the network, and that rcc-link listens there (`link: listen`)",
+    ),
+    (
+        NO_CELL,
+        "connected, but the cell settings.peer is not there: start it and its rcc-link, and compare site and name",
+    ),
+    (
+        NO_TOPIC,
+        "the other cell is there, but a topic of this device never arrived: start the net that publishes it, and see its `link: publish`",
+    ),
+    (
+        OTHER_KIND,
+        "a topic has another type or unit than its channel: `rcc-cli doctor device` shows both",
+    ),
+    (
+        STALE,
+        "values of the other cell are older than settings.expires: the network is slow or cut, or the other cell is late",
+    ),
+];
+
+/// What follows when no channel has a value any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum OnLoss {
+    /// The device is lost.
+    Lost,
+    /// The device stays; its inputs are null.
+    Null,
+}
+
+/// The driver.
+#[derive(Debug)]
+pub struct LinkDevice {
+    timer: PeriodTimer,
+    on_loss: OnLoss,
+    expires_ns: u64,
+    inbox: Arc<Inbox>,
+    shared: Arc<SharedLink>,
+}
+
+/// What Zenoh's threads and the diagnosis share with the driver.
+#[derive(Debug)]
+struct SharedLink {
+    inbox: Arc<Inbox>,
+    session: Session,
+    peer: String,
+    expires_ns: u64,
+    /// Liveliness tokens of the other cell. Written by Zenoh's threads only; no other memory depends on it.
+    alive: Arc<AtomicUsize>,
+    /// Connections, as of the last look. No other memory depends on it.
+    connections: AtomicUsize,
+}
+
+impl Driver for LinkDevice {
+    fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
+        let mut settings = Settings::of(device);
+        let peer = settings.read(
+            "peer",
+            "site and cell whose topics these are, such as \"lab/press\"",
+            None,
+            |value| {
+                value
+                    .as_str()
+                    .filter(|text| is_cell_key(text))
+                    .map(str::to_owned)
+            },
+        )?;
+        let expected = "endpoints, such as [\"tcp/192.168.0.7:7447\"]";
+        let connect = settings.read("connect", expected, Some(Vec::new()), endpoints)?;
+        let listen = settings.read("listen", expected, Some(Vec::new()), endpoints)?;
+        let period = settings.duration("period", Duration::from_millis(5))?;
+        let expires = settings.duration("expires", Duration::from_millis(100))?;
+        let words = [("lost", OnLoss::Lost), ("null", OnLoss::Null)];
+        let on_loss = settings.word(
+            "on_loss",
+            "`lost` (the device is lost) or `null` (only its inputs are null)",
+            OnLoss::Lost,
+            &words,
+        )?;
+        settings.finish()?;
+        if connect.is_empty() && listen.is_empty() {
+            return Err(DriverError::Setting {
+                device: device.name.clone(),
+                key: "connect".to_owned(),
+                cause: "is missing, and `listen` too".to_owned(),
+                expected,
+            });
+        }
+        if device.robot.is_some() {
+            return Err(DriverError::Robot {
+                device: device.name.clone(),
+                cause: "topics of another cell move no arm: remove `robot`",
+            });
+        }
+        let inbox = Arc::new(Inbox::new(link_channels(device)?));
+        let expires_ns = u64::try_from(expires.as_nanos()).unwrap_or(u64::MAX);
+        let opened = SharedLink::open((&listen, &connect), peer, &inbox, expires_ns);
+        let shared = opened.map_err(|error| DriverError::System {
+            device: device.name.clone(),
+            key: if listen.is_empty() {
+                "connect"
+            } else {
+                "listen"
+            },
+            value: format!("{listen:?} {connect:?}"),
+            source: std::io::Error::other(error),
+        })?;
+        Ok(LinkDevice {
+            timer: PeriodTimer::new(period),
+            on_loss,
+            expires_ns,
+            inbox,
+            shared: Arc::new(shared),
+        })
+    }
+
+    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let ticks = self.timer.wait(timeout)?;
+        let reading = self.inbox.read(self.expires_ns);
+        let reason = self.shared.reason(&reading.worst);
+        if reading.fresh == 0 && self.on_loss == OnLoss::Lost {
+            return Err(LinkError::Lost { reason });
+        }
+        *inputs = reading.inputs;
+        let channels = self.inbox.channels().len().max(1);
+        // At most 1000.
+        let quality = (reading.fresh * 1000 / channels) as u32;
+        Ok(Exchange {
+            commandable: true,
+            startable: true,
+            strategy: ControlMode::Position,
+            mirror: [0.0; JOINTS_MAX],
+            ticks,
+            period_ns: self.timer.period_ns(),
+            quality_permille: quality,
+            reason,
+            late: reading.out_of_order,
+            refused: reading.refused,
+        })
+    }
+
+    /// It has no outputs.
+    fn send(&mut self, _: &Outputs) -> Result<(), LinkError> {
+        Ok(())
+    }
+
+    fn release(&mut self) {}
+
+    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
+        Some(Arc::clone(&self.shared) as Arc<dyn LinkDiagnosis>)
+    }
+}
+
+/// Reads a list of endpoints.
+fn endpoints(value: &Value) -> Option<Vec<String>> {
+    let list = value.as_array()?.iter();
+    list.map(|one| {
+        one.as_str()
+            .filter(|text| is_endpoint(text))
+            .map(str::to_owned)
+    })
+    .collect()
+}
+
+impl SharedLink {
+    fn open(
+        (listen, connect): (&[String], &[String]),
+        peer: String,
+        inbox: &Arc<Inbox>,
+        expires_ns: u64,
+    ) -> Result<SharedLink, SessionError> {
+        let session = session::open(listen, connect)?;
+        let keys = CellKeys::of(&peer);
+        let declared = |error: zenoh::Error| SessionError::Declare(error.to_string());
+        for topic in inbox.topics() {
+            // Channels have names of topics that are keys.
+            let Some(key) = keys.topic(&topic) else {
+                continue;
+            };
+            let filled = Arc::clone(inbox);
+            let subscriber = session.declare_subscriber(key).callback(move |sample| {
+                if sample.kind() == SampleKind::Put {
+                    filled.take(&topic, &sample.payload().to_bytes());
+                }
+            });
+            subscriber.background().wait().map_err(declared)?;
+        }
+        let alive = Arc::new(AtomicUsize::new(0));
+        let count = Arc::clone(&alive);
+        let tokens = session.liveliness().declare_subscriber(keys.alive("*"));
+        let tokens = tokens.history(true).callback(move |sample| {
+            // A token that was lost comes back as a new one.
+            let changed = match sample.kind() {
+                SampleKind::Put => Some(1),
+                SampleKind::Delete => None,
+            };
+            let next = |now: usize| Some(changed.map_or(now.saturating_sub(1), |more| now + more));
+            // The closure always returns a value.
+            let _ = count.fetch_update(Ordering::Relaxed, Ordering::Relaxed, next);
+        });
+        tokens.background().wait().map_err(declared)?;
+        Ok(SharedLink {
+            inbox: Arc::clone(inbox),
+            session,
+            peer,
+            expires_ns,
+            alive,
+            connections: AtomicUsize::new(0),
+        })
+    }
+
+    /// Returns the reason number for the worst state of a channel.
+    fn reason(&self, worst: &ChannelState) -> u32 {
+        match worst {
+            ChannelState::Fresh => 0,
+            ChannelState::OtherKind => OTHER_KIND,
+            _ if self.connections.load(Ordering::Relaxed) == 0 => NO_CONNECTION,
+            _ if self.alive.load(Ordering::Relaxed) == 0 => NO_CELL,
+            ChannelState::Never => NO_TOPIC,
+            ChannelState::Stale => STALE,
+        }
+    }
+}
+
+impl LinkDiagnosis for SharedLink {
+    fn link(&self) -> Value {
+        let connections = self.session.info().peers_zid().wait().count()
+            + self.session.info().routers_zid().wait().count();
+        self.connections.store(connections, Ordering::Relaxed);
+        let now_ns = self.inbox.now_ns();
+        json!({
+            "peer": self.peer,
+            "connections": connections,
+            "peer_is_alive": self.alive.load(Ordering::Relaxed) > 0,
+            "expires_ms": self.expires_ns as f64 * 1e-6,
+            "channels": self.inbox.describe(now_ns, self.expires_ns),
+        })
+    }
+}
+
+/// Returns the kind of a channel in words, as messages have it.
+fn wanted(channel: &LinkChannel) -> String {
+    let ty = match channel.kind {
+        ChannelKind::DigitalInput => "Bool",
+        _ => "Real",
+    };
+    crate::message::kind(ty, channel.unit.as_deref())
+}
+
+#[cfg(test)]
+mod tests;

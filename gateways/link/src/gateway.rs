@@ -1,0 +1,264 @@
+//! The gateway: reads a cell through its loader, and publishes topics, events and states of its nets. One thread looks at
+//! the cell, one for every eight nets reads values, and the thread that called [`run`] publishes. Zenoh's threads pass
+//! requests of other cells to a thread of their own.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use rcc_api::bodies::{CommandView, EventView};
+use rcc_client::{LoaderClient, RequestError, StreamValues, runtime_folder};
+use rcc_config::LinkConfig;
+use rcc_process::helpers;
+use serde_json::{Value, json};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::qos::CongestionControl;
+use zenoh::{Session, Wait};
+
+use crate::keys::CellKeys;
+use crate::message::{TopicMessage, VERSION};
+use crate::session::{self, SessionError};
+use cycles::CycleTime;
+use observer::Observer;
+use requests::Requests;
+
+mod cycles;
+mod observer;
+mod requests;
+mod values;
+
+/// Time limit of a request to the loader.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(5);
+/// News that wait for the publishing thread; what does not fit is dropped, since newer values follow.
+const NEWS_MAX: usize = 1024;
+/// Longest time between two looks at the stop request.
+const TURN: Duration = Duration::from_millis(100);
+
+/// What is carried.
+#[derive(Clone, Debug)]
+pub struct GatewayOptions {
+    /// Name of the cell.
+    pub cell: String,
+    /// Its link.
+    pub link: LinkConfig,
+}
+
+/// Why the gateway ends.
+#[derive(Debug, thiserror::Error)]
+pub enum GatewayError {
+    /// There is no session.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// A thread cannot be made.
+    #[error("cannot start: {0}")]
+    System(#[from] std::io::Error),
+    /// The loader's client cannot be made.
+    #[error(transparent)]
+    Client(#[from] RequestError),
+    /// A thread ended that must not.
+    #[error("the thread that looks at the cell has ended")]
+    Ended,
+}
+
+/// A topic that a running net publishes.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct PublishedTopic {
+    /// Name of the topic.
+    pub topic: String,
+    /// Type.
+    pub ty: String,
+    /// Unit.
+    pub unit: Option<String>,
+    /// Id of the command.
+    pub id: u64,
+    /// Name of its net.
+    pub net: String,
+    /// Its `Publish`.
+    pub primitive: String,
+}
+
+/// What the publishing thread is told.
+pub(crate) enum News {
+    /// Values of a net, and its topics.
+    Values(Arc<Vec<PublishedTopic>>, Box<StreamValues>),
+    /// Nobody publishes these topics any more.
+    Gone(Vec<PublishedTopic>),
+    /// The executor, and its newest cycle at a time.
+    Executor(String, CycleTime),
+    /// There is no executor, or no loader.
+    NoExecutor,
+    /// An event.
+    Event(Box<EventView>),
+    /// The new state of a command.
+    State(Box<CommandView>),
+}
+
+/// Publishes until `stop`.
+///
+/// # Errors
+/// Fails if the endpoints of the link cannot be opened.
+pub fn run(options: &GatewayOptions, stop: &Arc<AtomicBool>) -> Result<(), GatewayError> {
+    let keys = CellKeys::new(&options.link.site, &options.cell);
+    let session = session::open(&options.link.listen, &options.link.connect)?;
+    let requests = Requests::serve(&session, &keys, options)?;
+    let (told, news) = sync_channel(NEWS_MAX);
+    let observer = Observer::new(loader(&options.cell)?, options, told, Arc::clone(stop));
+    helpers::thread("observer", move || observer.run())?;
+    let mut publisher = LinkPublisher {
+        session: session.clone(),
+        keys,
+        sender: format!("{:08x}{:08x}", std::process::id(), wall_clock()),
+        origin: Instant::now(),
+        sequences: BTreeMap::new(),
+        cycle: None,
+        alive: None,
+    };
+    let result = publisher.serve(&news, stop);
+    drop(publisher);
+    drop(requests);
+    // The process ends; an error would only say that the other side is gone.
+    let _ = session.close().wait();
+    result
+}
+
+/// Distinguishes two lives of one process id.
+fn wall_clock() -> u32 {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    now.map_or(0, |now| now.as_secs() as u32)
+}
+
+/// Returns a client of the loader of a cell, which need not run.
+pub(crate) fn loader(cell: &str) -> Result<LoaderClient, RequestError> {
+    let socket = runtime_folder().join(cell).join("loader.sock");
+    LoaderClient::new(cell, Path::new(&socket), TIMEOUT)
+}
+
+struct LinkPublisher {
+    session: Session,
+    keys: CellKeys,
+    /// This life of the gateway.
+    sender: String,
+    origin: Instant,
+    sequences: BTreeMap<String, u64>,
+    cycle: Option<CycleTime>,
+    /// Incarnation of the executor, and its token.
+    alive: Option<(String, LivelinessToken)>,
+}
+
+impl LinkPublisher {
+    fn serve(&mut self, news: &Receiver<News>, stop: &AtomicBool) -> Result<(), GatewayError> {
+        // Acquire pairs with the release of the thread that waits for signals.
+        while !stop.load(Ordering::Acquire) {
+            match news.recv_timeout(TURN) {
+                Ok(news) => self.publish(news),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(GatewayError::Ended),
+            }
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self, news: News) {
+        match news {
+            News::Values(topics, values) => self.values(&topics, &values),
+            News::Gone(topics) => {
+                for topic in &topics {
+                    self.topic(topic, Value::Null, 0);
+                }
+            }
+            News::Executor(incarnation, cycle) => {
+                self.cycle = Some(cycle);
+                self.is_alive(incarnation);
+            }
+            News::NoExecutor => (self.cycle, self.alive) = (None, None),
+            News::Event(event) => self.put(&self.keys.event(&event.kind), &json!(event)),
+            News::State(state) => {
+                let state = *state;
+                let row = json!({
+                    "id": state.id, "net": state.net, "state": state.state, "reason": state.reason,
+                    "outcome": state.outcome, "words": state.words, "cycles": state.cycles,
+                });
+                self.put(&self.keys.net(&state.net), &row);
+            }
+        }
+    }
+
+    fn values(&mut self, topics: &[PublishedTopic], values: &StreamValues) {
+        // Without an executor the age is not known, and a value of unknown age must not leave.
+        let Some(cycle) = self.cycle else { return };
+        let age_ns = cycle.age_ns(values.cycle, Instant::now());
+        for topic in topics.iter().filter(|topic| topic.id == values.id) {
+            let port = format!("{}.{}", topic.primitive, values::PORT);
+            if let Some(value) = values.values.get(&port) {
+                self.topic(topic, value.clone(), age_ns);
+            }
+        }
+    }
+
+    /// Publishes one value; drops it if the network is congested, since a newer one follows.
+    fn topic(&mut self, topic: &PublishedTopic, value: Value, age_ns: u64) {
+        let Some(key) = self.keys.topic(&topic.topic) else {
+            return;
+        };
+        let sequence = self.sequences.entry(topic.topic.clone()).or_insert(0);
+        *sequence += 1;
+        let message = TopicMessage {
+            version: VERSION,
+            sender: self.sender.clone(),
+            sequence: *sequence,
+            sent_ns: u64::try_from(self.origin.elapsed().as_nanos()).unwrap_or(u64::MAX),
+            age_ns,
+            ty: topic.ty.clone(),
+            unit: topic.unit.clone(),
+            value,
+        };
+        match message.bytes() {
+            Ok(bytes) => self.send(&key, bytes),
+            Err(error) => tracing::warn!(topic = topic.topic, %error, "not published"),
+        }
+    }
+
+    fn put(&self, key: &str, value: &Value) {
+        self.send(key, value.to_string().into_bytes());
+    }
+
+    fn send(&self, key: &str, bytes: Vec<u8>) {
+        let put = self.session.put(key, bytes);
+        let put = put
+            .congestion_control(CongestionControl::Drop)
+            .express(true);
+        if let Err(error) = put.wait() {
+            tracing::warn!(key, %error, "not published");
+        }
+    }
+
+    /// Declares the token of this executor; that of the last one is undeclared.
+    fn is_alive(&mut self, incarnation: String) {
+        if self
+            .alive
+            .as_ref()
+            .is_some_and(|(known, _)| *known == incarnation)
+        {
+            return;
+        }
+        self.alive = None;
+        let token = self
+            .session
+            .liveliness()
+            .declare_token(self.keys.alive(&incarnation));
+        match token.wait() {
+            Ok(token) => self.alive = Some((incarnation, token)),
+            Err(error) => tracing::warn!(%error, "the liveliness of the cell cannot be declared"),
+        }
+    }
+}
+
+/// Sends news, unless the publishing thread is behind: then it is dropped and counted by nobody, as newer ones follow.
+pub(crate) fn tell(to: &SyncSender<News>, news: News) {
+    if to.try_send(news).is_err() {
+        tracing::debug!("the publishing thread is behind");
+    }
+}

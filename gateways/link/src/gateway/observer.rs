@@ -1,0 +1,213 @@
+//! Looks at the cell five times a second: which topics are published, events, states of nets, and the executor's cycle. A
+//! thread of its own; follows the cell over restarts of its processes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
+
+use rcc_api::bodies::{CommandView, EventPage, StatusView, TopicView};
+use rcc_client::{LoaderClient, RequestError};
+use rcc_protocol::pattern::wildcard;
+
+use super::cycles::CycleTime;
+use super::values::{NETS_OF_STREAM, STREAMS_MAX, ValueReader};
+use super::{GatewayOptions, News, PublishedTopic, tell};
+use crate::keys::is_topic;
+
+/// Time between two looks.
+const EVERY: Duration = Duration::from_millis(200);
+/// Events that are taken in one look.
+const EVENTS_MAX: usize = 256;
+
+pub(super) struct Observer {
+    client: LoaderClient,
+    cell: String,
+    publish: Vec<String>,
+    rate_hz: f64,
+    told: SyncSender<News>,
+    stop: Arc<AtomicBool>,
+    /// What the present readers read.
+    topics: BTreeSet<PublishedTopic>,
+    /// Counts changes of `topics`: a reader of an older number ends.
+    generation: Arc<AtomicU64>,
+    /// Position in the event log.
+    after: Option<String>,
+    states: BTreeMap<u64, String>,
+    /// The last problem, so that it is logged once.
+    problem: String,
+}
+
+impl Observer {
+    pub fn new(
+        client: LoaderClient,
+        options: &GatewayOptions,
+        told: SyncSender<News>,
+        stop: Arc<AtomicBool>,
+    ) -> Observer {
+        Observer {
+            client,
+            cell: options.cell.clone(),
+            publish: options.link.publish.clone(),
+            rate_hz: options.link.rate_hz,
+            told,
+            stop,
+            topics: BTreeSet::new(),
+            generation: Arc::default(),
+            after: None,
+            states: BTreeMap::new(),
+            problem: String::new(),
+        }
+    }
+
+    pub fn run(mut self) {
+        // Acquire pairs with the release of the thread that waits for signals.
+        while !self.stop.load(Ordering::Acquire) {
+            match self.look() {
+                Ok(()) => self.problem.clear(),
+                Err(error) => self.lost(&error),
+            }
+            std::thread::sleep(EVERY);
+        }
+        self.end_readers();
+    }
+
+    fn look(&mut self) -> Result<(), RequestError> {
+        let at = Instant::now();
+        let status: StatusView = self.client.get("/status")?;
+        let executor = status.executor;
+        let cycle = CycleTime {
+            at,
+            cycle: executor.cycle,
+            period_ns: executor.period_ns,
+        };
+        let base_rate_hz = 1e9 / executor.period_ns.max(1) as f64;
+        tell(&self.told, News::Executor(executor.incarnation, cycle));
+        self.look_at_topics(base_rate_hz)?;
+        self.look_at_states()?;
+        self.look_at_events()
+    }
+
+    /// The loader, or its executor, does not answer.
+    fn lost(&mut self, error: &RequestError) {
+        let words = error.to_string();
+        if self.problem != words {
+            tracing::warn!("cell `{}`: {words}", self.cell);
+            self.problem = words;
+        }
+        tell(&self.told, News::NoExecutor);
+        self.end_readers();
+        self.states.clear();
+    }
+
+    fn end_readers(&mut self) {
+        let gone = std::mem::take(&mut self.topics);
+        if !gone.is_empty() {
+            // Release pairs with the acquire of the readers.
+            self.generation.fetch_add(1, Ordering::Release);
+            tell(&self.told, News::Gone(gone.into_iter().collect()));
+        }
+    }
+
+    fn look_at_topics(&mut self, base_rate_hz: f64) -> Result<(), RequestError> {
+        let views: Vec<TopicView> = self.client.get("/topics")?;
+        let published = published(&views, &self.publish);
+        if published == self.topics {
+            return Ok(());
+        }
+        let names = |topics: &BTreeSet<PublishedTopic>| -> BTreeSet<String> {
+            topics.iter().map(|topic| topic.topic.clone()).collect()
+        };
+        let now = names(&published);
+        let gone = self
+            .topics
+            .iter()
+            .filter(|topic| !now.contains(&topic.topic));
+        let gone: Vec<PublishedTopic> = gone.cloned().collect();
+        // Release pairs with the acquire of the readers.
+        let generation = self.generation.fetch_add(1, Ordering::Release) + 1;
+        let mut nets: BTreeMap<u64, Vec<PublishedTopic>> = BTreeMap::new();
+        for topic in &published {
+            nets.entry(topic.id).or_default().push(topic.clone());
+        }
+        let nets: Vec<Vec<PublishedTopic>> = nets.into_values().collect();
+        if nets.len() > NETS_OF_STREAM * STREAMS_MAX {
+            let count = nets.len();
+            tracing::warn!(
+                "{count} nets publish topics; {} of them leave the cell",
+                NETS_OF_STREAM * STREAMS_MAX
+            );
+        }
+        for chunk in nets.chunks(NETS_OF_STREAM).take(STREAMS_MAX) {
+            let reader = ValueReader {
+                cell: self.cell.clone(),
+                topics: Arc::new(chunk.concat()),
+                rate_hz: self.rate_hz.min(base_rate_hz),
+                told: self.told.clone(),
+                generation: (Arc::clone(&self.generation), generation),
+            };
+            if let Err(error) = reader.start() {
+                tracing::error!(%error, "a thread cannot be made");
+            }
+        }
+        self.topics = published;
+        if !gone.is_empty() {
+            tell(&self.told, News::Gone(gone));
+        }
+        Ok(())
+    }
+
+    fn look_at_states(&mut self) -> Result<(), RequestError> {
+        let commands: Vec<CommandView> = self.client.get("/commands")?;
+        let mut states = BTreeMap::new();
+        for command in commands {
+            let state = command.state.clone();
+            if self.states.get(&command.id) != Some(&state) {
+                tell(&self.told, News::State(Box::new(command.clone())));
+            }
+            states.insert(command.id, state);
+        }
+        self.states = states;
+        Ok(())
+    }
+
+    /// Passes on the events since the last look; at the first one only its position is taken.
+    fn look_at_events(&mut self) -> Result<(), RequestError> {
+        let path = match &self.after {
+            None => "/events?limit=0".to_owned(),
+            Some(after) => format!("/events?after={after}&limit={EVENTS_MAX}"),
+        };
+        let page: EventPage = self.client.get(&path)?;
+        for event in page.events {
+            tell(&self.told, News::Event(Box::new(event)));
+        }
+        self.after = Some(page.next);
+        Ok(())
+    }
+}
+
+/// Returns the topics of running nets that match a pattern and can be keys.
+fn published(views: &[TopicView], patterns: &[String]) -> BTreeSet<PublishedTopic> {
+    let mut found = BTreeSet::new();
+    for view in views {
+        let leaves = patterns
+            .iter()
+            .any(|pattern| wildcard(pattern, &view.topic));
+        if !leaves || !is_topic(&view.topic) {
+            continue;
+        }
+        let running = view.publishers.iter();
+        for end in running.filter(|end| ["running", "canceling"].contains(&end.state.as_str())) {
+            found.insert(PublishedTopic {
+                topic: view.topic.clone(),
+                ty: view.ty.clone(),
+                unit: view.unit.clone(),
+                id: end.id,
+                net: end.net.clone(),
+                primitive: end.primitive.clone(),
+            });
+        }
+    }
+    found
+}

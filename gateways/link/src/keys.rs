@@ -1,0 +1,170 @@
+//! Names in the key space of the link: `rcc/SITE/CELL/…`. Pure.
+
+/// First part of every key.
+const ROOT: &str = "rcc";
+
+/// The keys of one cell.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CellKeys {
+    /// `rcc/SITE/CELL`.
+    base: String,
+}
+
+/// An operation on a net that another cell asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// START: only nets that the configuration names for that peer.
+    Start,
+    /// CANCEL: always.
+    Cancel,
+}
+
+impl Operation {
+    /// Returns its name in keys, which is that of the loader's route.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Operation::Start => "start",
+            Operation::Cancel => "cancel",
+        }
+    }
+}
+
+/// A request as its key says it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RequestKey {
+    /// The cell that asks, `SITE/CELL`.
+    pub peer: String,
+    /// What it asks for.
+    pub operation: Operation,
+    /// Name of the net.
+    pub net: String,
+}
+
+impl CellKeys {
+    /// Returns the keys of a cell.
+    #[must_use]
+    pub fn new(site: &str, cell: &str) -> CellKeys {
+        CellKeys::of(&format!("{site}/{cell}"))
+    }
+
+    /// Returns the keys of `SITE/CELL`.
+    #[must_use]
+    pub fn of(cell: &str) -> CellKeys {
+        CellKeys {
+            base: format!("{ROOT}/{cell}"),
+        }
+    }
+
+    /// Returns the key of a topic; `None` if its name cannot be a key: with an empty part between two `/`.
+    #[must_use]
+    pub fn topic(&self, topic: &str) -> Option<String> {
+        is_topic(topic).then(|| format!("{}/topic/{topic}", self.base))
+    }
+
+    /// Returns the key of an event of this kind.
+    #[must_use]
+    pub fn event(&self, kind: &str) -> String {
+        format!("{}/event/{kind}", self.base)
+    }
+
+    /// Returns the key of the states of nets of this name.
+    #[must_use]
+    pub fn net(&self, net: &str) -> String {
+        format!("{}/net/{net}", self.base)
+    }
+
+    /// Returns the key of the status, which is asked for.
+    #[must_use]
+    pub fn status(&self) -> String {
+        format!("{}/status", self.base)
+    }
+
+    /// Returns the key of the liveliness token of an executor; a part that begins with `@` is matched by no `*`.
+    #[must_use]
+    pub fn alive(&self, incarnation: &str) -> String {
+        format!("{}/@alive/{incarnation}", self.base)
+    }
+
+    /// Returns the key expression of the requests of all peers.
+    #[must_use]
+    pub fn requests(&self) -> String {
+        format!("{}/request/*/*/*/*", self.base)
+    }
+
+    /// Returns the key with which `peer` (`SITE/CELL`) asks this cell.
+    #[must_use]
+    pub fn request(&self, peer: &str, operation: Operation, net: &str) -> String {
+        format!("{}/request/{peer}/{}/{net}", self.base, operation.name())
+    }
+
+    /// Reads a request's key; `None` if it is no request to this cell.
+    #[must_use]
+    pub fn parse_request(&self, key: &str) -> Option<RequestKey> {
+        let rest = key.strip_prefix(&self.base)?.strip_prefix("/request/")?;
+        let parts: Vec<&str> = rest.split('/').collect();
+        let &[site, cell, operation, net] = parts.as_slice() else {
+            return None;
+        };
+        let operation = [Operation::Start, Operation::Cancel]
+            .into_iter()
+            .find(|known| known.name() == operation)?;
+        Some(RequestKey {
+            peer: format!("{site}/{cell}"),
+            operation,
+            net: net.to_owned(),
+        })
+    }
+}
+
+/// Returns true if the name of a topic can be a part of a key.
+#[must_use]
+pub fn is_topic(topic: &str) -> bool {
+    let is_valid = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+    let is_part = |part: &str| !part.is_empty() && part.chars().all(is_valid);
+    topic.len() <= 64 && topic.split('/').all(is_part)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_is_read_as_it_was_written() {
+        let keys = CellKeys::new("lab", "press");
+        let key = keys.request("hall-2/feeder", Operation::Start, "close-door");
+        assert_eq!(key, "rcc/lab/press/request/hall-2/feeder/start/close-door");
+        let read = keys.parse_request(&key).expect("a request");
+        assert_eq!(
+            read,
+            RequestKey {
+                peer: "hall-2/feeder".to_owned(),
+                operation: Operation::Start,
+                net: "close-door".to_owned()
+            }
+        );
+        for other in [
+            "rcc/lab/pres/request/a/b/start/n",
+            "rcc/lab/press/request/a/b/abort/n",
+            "rcc/lab/press/request/a/b/start",
+            "rcc/lab/press/request/a/b/start/n/m",
+            "rcc/lab/press2/request/a/b/start/n",
+        ] {
+            assert_eq!(keys.parse_request(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_topic_that_cannot_be_a_key_has_none() {
+        let keys = CellKeys::new("lab", "press");
+        assert_eq!(
+            keys.topic("door/open").as_deref(),
+            Some("rcc/lab/press/topic/door/open")
+        );
+        for bad in [
+            "", "a//b", "a/", "/a", "a/*", "a b", "a/@b", "a$", "a#", "a?",
+        ] {
+            assert_eq!(keys.topic(bad), None, "{bad}");
+        }
+    }
+}

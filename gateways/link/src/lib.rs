@@ -1,0 +1,11 @@
+//! Cells on several hosts over Zenoh: the gateway `rcc-link` publishes what a cell's nets publish, its events and states;
+//! the driver `rcc-link-device` presents topics of another cell as inputs of a device. Processes of their own: none of
+//! this is real-time, and none of it runs in a cycle.
+
+pub mod age;
+pub mod device;
+pub mod fleet;
+pub mod gateway;
+pub mod keys;
+pub mod message;
+pub mod session;

@@ -1,0 +1,229 @@
+//! The link of a cell to others: its site, where it listens, what leaves the cell, and which nets another cell may start.
+//! Read at start-up by the gateway `rcc-link`.
+
+use std::collections::BTreeMap;
+
+use rcc_core::unit::Unit;
+
+use crate::codes;
+use crate::diagnostic::Span;
+use crate::ports;
+use crate::reader::{CELL_NAME, ConfigReader, Fields, NameRule, QuantityRange, error};
+use crate::yaml::{Entry, Node};
+
+pub(crate) const KEYS: [&str; 6] = ["site", "listen", "connect", "publish", "rate", "start"];
+/// Rates at which topics may leave the cell, Hz.
+const RATE_HZ: [f64; 2] = [0.1, 250.0];
+const RATE_DEFAULT_HZ: f64 = 100.0;
+
+/// Rule for names of nets.
+const NET_NAME: NameRule = NameRule {
+    first: |c| c.is_ascii_lowercase(),
+    further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-',
+    words: "1 to 32 of a-z 0-9 -, beginning with a letter",
+};
+
+/// The link of a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinkConfig {
+    /// Name of the site, the second part of every key: `rcc/SITE/CELL/…`.
+    pub site: String,
+    /// Endpoints at which others reach the gateway, such as `tcp/192.168.0.1:7447`.
+    pub listen: Vec<String>,
+    /// Endpoints of other gateways or routers.
+    pub connect: Vec<String>,
+    /// Patterns of the topics that leave the cell.
+    pub publish: Vec<String>,
+    /// Greatest rate of each topic, Hz.
+    pub rate_hz: f64,
+    /// For each other cell, `SITE/CELL`, the names of the nets that it may start.
+    pub start: BTreeMap<String, Vec<String>>,
+}
+
+/// Reads the key `link` of a cell; `None` inside: the cell has none.
+pub(crate) fn read(
+    reader: &mut ConfigReader,
+    cell: &Fields<'_>,
+    ports: &BTreeMap<String, u16>,
+) -> Option<Option<LinkConfig>> {
+    let Some(Entry { key, value }) = cell.entry("link") else {
+        return Some(None);
+    };
+    let fields = reader.fields(value, key.span, "the link", &KEYS)?;
+    let site = reader.require(&fields, "site").and_then(|node| {
+        let text = reader.text(node, "the site")?;
+        reader.name(text, node.span, "the site", CELL_NAME)
+    });
+    let listen = endpoints(reader, &fields, "listen", ports);
+    let connect = endpoints(reader, &fields, "connect", ports);
+    let publish = match fields.get("publish") {
+        Some(node) => texts(reader, node, "publish"),
+        None => Some(vec!["*".to_owned()]),
+    };
+    let rate_hz = match fields.get("rate") {
+        Some(node) => {
+            let [least, most] = RATE_HZ;
+            let unit = Unit::HERTZ;
+            reader.quantity(node, "rate", QuantityRange { unit, least, most })
+        }
+        None => Some(RATE_DEFAULT_HZ),
+    };
+    let start = starts(reader, &fields);
+    Some(Some(LinkConfig {
+        site: site?,
+        listen: listen?,
+        connect: connect?,
+        publish: publish?,
+        rate_hz: rate_hz?,
+        start: start?,
+    }))
+}
+
+fn texts(reader: &mut ConfigReader, node: &Node, what: &str) -> Option<Vec<String>> {
+    let list = reader.list(node, what)?;
+    let texts = list
+        .iter()
+        .map(|node| reader.text(node, what).map(str::to_owned));
+    // Read all elements before returning, so that all faults are reported together.
+    let texts: Vec<Option<String>> = texts.collect();
+    texts.into_iter().collect()
+}
+
+fn endpoints(
+    reader: &mut ConfigReader,
+    fields: &Fields<'_>,
+    key: &'static str,
+    ports: &BTreeMap<String, u16>,
+) -> Option<Vec<String>> {
+    let Some(node) = fields.get(key) else {
+        return Some(Vec::new());
+    };
+    let list = reader.list(node, key)?;
+    let endpoints = list.iter().map(|node| {
+        let text = reader.text(node, key)?;
+        let text = ports::substitute(reader, text, node.span, ports)?;
+        endpoint(reader, node.span, &text)
+    });
+    let endpoints: Vec<Option<String>> = endpoints.collect();
+    endpoints.into_iter().collect()
+}
+
+/// Checks `tcp/HOST:PORT` or `tls/HOST:PORT`.
+fn endpoint(reader: &mut ConfigReader, place: Span, text: &str) -> Option<String> {
+    if is_endpoint(text) {
+        return Some(text.to_owned());
+    }
+    let message = format!("`{text}` is not an endpoint");
+    let help = "write protocol, host and port: `tcp/192.168.0.1:7447`";
+    reader.report(error(codes::BAD_ADDRESS, place, message).help(help));
+    None
+}
+
+/// Returns true for an endpoint of the link: `tcp/HOST:PORT`.
+#[must_use]
+pub fn is_endpoint(text: &str) -> bool {
+    let Some(address) = text.strip_prefix("tcp/") else {
+        return false;
+    };
+    let Some((host, port)) = address.rsplit_once(':') else {
+        return false;
+    };
+    let of_host = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
+    !host.is_empty() && host.chars().all(of_host) && port.parse::<u16>().is_ok()
+}
+
+/// Returns true for the name of a cell in the keys of the link: `SITE/CELL`.
+#[must_use]
+pub fn is_cell_key(text: &str) -> bool {
+    let is_name = |name: &str| {
+        let mut characters = name.chars();
+        name.len() <= 32
+            && characters.next().is_some_and(CELL_NAME.first)
+            && characters.all(CELL_NAME.further)
+    };
+    text.split_once('/')
+        .is_some_and(|(site, cell)| is_name(site) && is_name(cell))
+}
+
+fn starts(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<BTreeMap<String, Vec<String>>> {
+    let Some(node) = fields.get("start") else {
+        return Some(BTreeMap::new());
+    };
+    let entries = reader.entries(node, "start")?;
+    let mut starts = BTreeMap::new();
+    let mut valid = true;
+    for Entry { key, value } in entries {
+        if !is_cell_key(&key.name) {
+            let message = format!("`{}` is not a cell of the link", key.name);
+            let help = "write site and cell: `lab/press: [net, net]`";
+            reader.report(error(codes::BAD_NAME, key.span, message).help(help));
+            valid = false;
+        }
+        let Some(list) = reader.list(value, "the nets of a cell") else {
+            valid = false;
+            continue;
+        };
+        let nets = list.iter().map(|node| {
+            let text = reader.text(node, "a net")?;
+            reader.name(text, node.span, "a net", NET_NAME)
+        });
+        let nets: Vec<Option<String>> = nets.collect();
+        match nets.into_iter().collect() {
+            Some(nets) => drop(starts.insert(key.name.clone(), nets)),
+            None => valid = false,
+        }
+    }
+    valid.then_some(starts)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::CellConfig;
+
+    fn cell(link: &str) -> Result<CellConfig, crate::diagnostic::Faults> {
+        let text = format!(
+            "cell: press\nperiod: 1 ms\nlink: {link}\ndevices: {{io: {{driver: modbus}}}}\n"
+        );
+        CellConfig::parse_offline(&text, "cell.yaml", Path::new(""))
+    }
+
+    #[test]
+    fn a_link_is_read_with_its_defaults() {
+        let link = cell("{site: lab}").expect("a cell").link.expect("a link");
+        assert_eq!(link.site, "lab");
+        assert_eq!((link.publish, link.rate_hz), (vec!["*".to_owned()], 100.0));
+        assert!(link.listen.is_empty() && link.connect.is_empty() && link.start.is_empty());
+        let all = "{site: lab, listen: [\"tcp/10.0.0.1:7447\"], connect: [\"tcp/host.lab:7447\"], publish: [door/*], rate: 50 Hz, \
+                   start: {lab/feeder: [close-door]}}";
+        let link = cell(all).expect("a cell").link.expect("a link");
+        assert_eq!(
+            (link.rate_hz, link.start["lab/feeder"].as_slice()),
+            (50.0, &["close-door".to_owned()][..])
+        );
+        let without = CellConfig::parse_offline(
+            "cell: a\nperiod: 1 ms\ndevices: {io: {driver: modbus}}\n",
+            "cell.yaml",
+            Path::new(""),
+        );
+        assert_eq!(without.expect("a cell").link, None);
+    }
+
+    #[test]
+    fn everything_that_is_wrong_is_told_at_once() {
+        let all = "{listen: [\"10.0.0.1:7447\"], connect: [udp/a:1], rate: 1 kHz, start: {feeder: [a], lab/b: [Net]}, publsh: []}";
+        let shown = cell(all).expect_err("six faults").render(false);
+        for words in [
+            "needs a key `site`",
+            "`10.0.0.1:7447` is not an endpoint",
+            "`udp/a:1` is not an endpoint",
+            "rate is 1000 Hz",
+            "`feeder` is not a cell of the link",
+            "invalid name `Net` for a net",
+            "did you mean `publish`?",
+        ] {
+            assert!(shown.contains(words), "{words}: {shown}");
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Two cells in two network namespaces that a veth pair joins: a topic of cell A moves an arm of cell B. The link is cut and
+//! its processes are killed: each net does what its configuration says, nothing moves by itself, and nothing leaks. Needs
+//! root, network namespaces, and the folder of the link's programs in `RCC_LINK` (`.ci/link`); skipped by name without them.
+
+use std::time::Duration;
+
+use rcc_testing::{Random, Rng};
+use rcc_tests::cell_fixture::{await_some, await_told};
+use serde_json::Value;
+
+use pair::CellPair;
+
+mod hosts;
+mod pair;
+
+/// Cuts of a test; `RCC_LINK_CUTS` gives another number for a long run.
+const CUTS: usize = 6;
+/// Shortest and longest cut, s.
+const CUT_S: [f64; 2] = [0.001, 3.0];
+/// Age beyond which a value of the other cell is null, as configured.
+const EXPIRES: Duration = Duration::from_millis(300);
+
+/// Returns the pair, or says why the test is skipped.
+fn pair(test: &str) -> Option<CellPair> {
+    match CellPair::start() {
+        Ok(pair) => Some(pair),
+        Err(reason) => {
+            eprintln!("skipped: {test} ({reason})");
+            None
+        }
+    }
+}
+
+#[test]
+fn a_topic_of_one_cell_moves_an_arm_of_another() {
+    let Some(pair) = pair("a topic of one cell moves an arm of another") else {
+        return;
+    };
+    pair.run_both();
+    // The joint follows what cell A publishes.
+    for target in [0.2, -0.1, 0.15] {
+        pair.publish(target);
+        await_told("the arm to follow", || {
+            let joint = pair.joint()?;
+            match (joint - target).abs() < 1e-6 {
+                true => Ok(()),
+                false => Err(format!("the joint is at {joint}, not at {target}")),
+            }
+        });
+    }
+    let device = pair.b.device("press").expect("the device");
+    assert_eq!(device["state"], "ready", "{device}");
+    // The publisher ends: null, at once and without a loss of the device.
+    pair.a.cli_exits(0, &["cancel", "belt", "--wait"]);
+    await_some("null after the end of the publisher", || {
+        (pair.value("gone.out").ok()? == Value::Bool(true)).then_some(())
+    });
+    pair.stop();
+}
+
+/// The net `follow` brings its arm to rest while the value is null and goes on afterwards, as its text says; `strict` ends,
+/// and is not started again by anything.
+#[test]
+fn a_cut_link_is_null_and_nothing_starts_by_itself() {
+    let Some(pair) = pair("a cut link is null and nothing starts by itself") else {
+        return;
+    };
+    pair.run_both();
+    let count = std::env::var("RCC_LINK_CUTS").ok();
+    if count.is_some() {
+        rcc_tests::cell::without_time_limit();
+    }
+    let count = count.map_or(CUTS, |text| text.parse().expect("a number"));
+    let seed = std::env::var("RCC_SEED").ok();
+    let seed = seed.map_or(u64::from(std::process::id()), |text| {
+        text.parse().expect("a number")
+    });
+    let mut random = Rng::with_seed(seed);
+    // The first cut opens what later ones open again.
+    pair.hosts.cut();
+    pair.hosts.join();
+    pair.publish(0.0);
+    pair.await_joint(0.0);
+    let before = pair.census();
+    let (mut ended, mut long) = (0, 0);
+    for number in 0..count {
+        let [least, most] = CUT_S;
+        let seconds = random.log_uniform(least, most);
+        // Every third one certainly passes `expires`.
+        let seconds = if number % 3 == 2 {
+            seconds.max(1.0)
+        } else {
+            seconds
+        };
+        let strict = pair.start_strict();
+        pair.publish(if number % 2 == 0 { 0.2 } else { -0.2 });
+        pair.hosts.cut();
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        if seconds > 3.0 * EXPIRES.as_secs_f64() {
+            long += 1;
+            pair.assert_rests();
+            assert_eq!(
+                pair.b.state(strict)["outcome"],
+                "lost",
+                "cut {number}: {seconds} s"
+            );
+        }
+        pair.hosts.join();
+        await_some("the value to come back", || {
+            (pair.value("gone.out").ok()? == Value::Bool(false)).then_some(())
+        });
+        // `follow` ran all the time; `strict` has ended, if it was cut for long enough, and stays so.
+        assert_eq!(pair.follow_state(), "running", "cut {number}: {seconds} s");
+        let state = pair.b.state(strict);
+        match state["state"].as_str() {
+            Some("running") => drop(pair.b.cli_exits(0, &["cancel", "strict", "--wait"])),
+            _ => {
+                assert_eq!(
+                    (&state["state"], &state["outcome"]),
+                    (&"terminated".into(), &"lost".into()),
+                    "{state}"
+                );
+                ended += 1;
+            }
+        }
+        pair.b.cli_exits(0, &["unload", "strict"]);
+    }
+    eprintln!(
+        "{count} cuts, seed {seed}: {long} certainly beyond `expires`, {ended} ended the net `strict`"
+    );
+    assert!(long > 0 && ended >= long, "{long} {ended}");
+    pair.assert_no_growth(&before);
+    pair.stop();
+}
+
+#[test]
+fn a_killed_gateway_or_device_comes_back_without_moving_anything() {
+    let Some(mut pair) = pair("a killed gateway or device comes back without moving anything")
+    else {
+        return;
+    };
+    pair.run_both();
+    pair.publish(0.1);
+    pair.await_joint(0.1);
+    // The gateway of A.
+    pair.kill_gateway();
+    await_some("null without the gateway", || {
+        (pair.value("gone.out").ok()? == Value::Bool(true)).then_some(())
+    });
+    pair.assert_rests();
+    pair.start_gateway();
+    pair.publish(0.2);
+    pair.await_joint(0.2);
+    // The driver of B: its supervisor starts it again; the net of the arm goes on, since it handles null.
+    let dead = pair.b.kill(rcc_protocol::Role::Driver, "press");
+    pair.b
+        .await_successor(rcc_protocol::Role::Driver, "press", dead);
+    pair.publish(0.05);
+    pair.await_joint(0.05);
+    pair.stop();
+}
+
+#[test]
+fn start_is_refused_unless_the_cell_names_the_net_and_cancel_is_not() {
+    let Some(pair) = pair("START over the link is refused unless the cell names the net") else {
+        return;
+    };
+    pair.run_both();
+    let belt = pair.a.load(pair::OTHER);
+    // Cell A allows lab-b/test to start `other`, and nothing else.
+    let refused = pair.ask("start", "lab-c/test", "other");
+    assert!(
+        refused.contains("lab-c/test must not start `other`"),
+        "{refused}"
+    );
+    let refused = pair.ask("start", "lab-b/test", "belt");
+    assert!(refused.contains("must not start `belt`"), "{refused}");
+    assert_eq!(pair.a.state(belt)["state"], "ready");
+    let done = pair.ask("start", "lab-b/test", "other");
+    assert!(done.contains("start in cycle"), "{done}");
+    let done = pair.ask("cancel", "lab-c/test", "other");
+    assert!(done.contains("cancel in cycle"), "{done}");
+    pair.a.assert_ends(belt, "canceled");
+    let listed = pair.link_in_b(&["cells", "--connect", pair::ENDPOINT]);
+    assert!(listed.contains("lab-a/test  alive  cycle "), "{listed}");
+    pair.stop();
+}
+
+/// The reason is told by `devices`, in words that say what to do.
+#[test]
+fn devices_says_why_there_is_no_value() {
+    let Some(mut pair) = pair("`devices` says why there is no value of another cell") else {
+        return;
+    };
+    let told = |pair: &CellPair, words: &str| {
+        await_told(words, || {
+            let device = pair.b.device("press").ok_or("no device")?;
+            match device.to_string().contains(words) {
+                true => Ok(()),
+                false => Err(device.to_string()),
+            }
+        });
+    };
+    // The gateway is there, and no net publishes.
+    told(&pair, "never arrived");
+    pair.kill_gateway();
+    told(&pair, "nothing answers at settings.connect");
+    pair.start_gateway();
+    pair.run_both();
+    await_some("the device to be ready", || {
+        (pair.b.device("press")?["state"] == "ready").then_some(())
+    });
+    pair.stop();
+}
