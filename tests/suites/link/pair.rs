@@ -49,6 +49,7 @@ fn follow() -> String {
 primitives:
   belt: {{type: AnalogInput, parameters: {{device: press, channel: belt}}}}
   gone: {{type: IsNull, inputs: {{in: belt.out}}}}
+  watch: {{type: Monitor, inputs: {{value: gone.out}}}}
   cancel: {{type: Cancel}}
   move: {{type: JointGoal, parameters: {{device: arm}}, inputs: {{goal: [belt.out, {REST}], stop: cancel.requested}}}}
   robot: {{type: JointPositionCommand, parameters: {{device: arm}}, inputs: {{position: move.position}}}}

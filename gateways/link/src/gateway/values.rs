@@ -11,8 +11,8 @@ use rcc_process::helpers;
 
 use super::{News, PublishedTopic, tell};
 
-/// The input of `Publish`: its value is what the topic has.
-pub(super) const PORT: &str = "in";
+/// The output of `Publish`: what the topic has.
+pub(super) const PORT: &str = "out";
 /// Nets of one stream; a limit of the loader.
 pub(super) const NETS_OF_STREAM: usize = 8;
 /// Streams that one client may have besides others; a limit of the loader.
