@@ -234,8 +234,8 @@ pub trait Driver: Send {
     ///
     /// # Errors
     /// Returns an error if there was no exchange; `inputs` are then unchanged. [`LinkError::Silent`] is a pause, and
-    /// the host declares the device lost after a while; [`LinkError::Lost`] declares it lost at once. In both cases the
-    /// host calls again, and the driver tries to reach the device again by itself, with growing pauses if an attempt is
+    /// the host declares the device lost after a while; [`LinkError::Lost`] declares it lost at once; an arm in
+    /// motion that answers again before that while is over is brought to rest within its limits. In both cases the host calls again, and the driver tries to reach the device again by itself, with growing pauses if an attempt is
     /// expensive.
     fn receive(
         &mut self,

@@ -33,6 +33,9 @@ pub const OBSERVE_PERIODS_MAX: u64 = 4;
 /// A silent device is offline after this number of its periods, or after `command_timeout` if that is longer.
 const SILENT_PERIODS: u64 = 5;
 
+/// For this time the reason of a lost device is kept while the device is only silent: between two attempts to reach it.
+const LOST_REASON_KEPT_NS: u64 = 2_000_000_000;
+
 /// Fixed parameters of a session.
 #[derive(Clone, Copy, Debug)]
 struct SessionSettings {
@@ -113,6 +116,8 @@ pub struct DeviceSession {
     measurement: Measurement,
     /// CLOCK_MONOTONIC of the last exchange, or of the creation.
     last_exchange_ns: u64,
+    /// CLOCK_MONOTONIC and reason of the last loss that the driver told.
+    lost: Option<(u64, u32)>,
     offline_after_ns: u64,
     /// The running executor belongs to another build or was started with another configuration of this device.
     executor_incompatible: bool,
@@ -156,6 +161,7 @@ impl DeviceSession {
             violation: None,
             counts: PlaybackCounts::default(),
             last_exchange_ns: now_ns,
+            lost: None,
             offline_after_ns: device.command_timeout_ns,
             executor_incompatible: false,
         }
@@ -199,6 +205,7 @@ impl DeviceSession {
     /// the measurement still belongs to the previous exchange, unless the device is no longer commandable.
     pub fn begin_exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         self.last_exchange_ns = now_ns;
+        self.lost = None;
         if self.measurement.state == DeviceState::Offline as u32 {
             // Commands to a lost device never take effect later.
             self.held_until = self.feed.buffer.newest();
@@ -258,7 +265,11 @@ impl DeviceSession {
             false => self.lose_contact(),
         }
         self.measurement.state = DeviceState::Offline as u32;
-        self.measurement.reason = lost.unwrap_or(reason::SILENT);
+        self.lost = lost.map(|why| (now_ns, why)).or(self.lost);
+        let told = self
+            .lost
+            .filter(|(at_ns, _)| now_ns.saturating_sub(*at_ns) < LOST_REASON_KEPT_NS);
+        self.measurement.reason = told.map_or(reason::SILENT, |(_, why)| why);
         self.measurement.quality_permille = 0;
         self.measurement.settled_ns = 0;
         self.measurement.stamp_ns = now_ns;

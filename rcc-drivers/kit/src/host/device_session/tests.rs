@@ -7,7 +7,7 @@ mod fixture;
 mod lockstep;
 mod stalls;
 
-use fixture::{DELAY, MS, SessionFixture, at, motion, session, usual};
+use fixture::{A_MAX, DELAY, MS, SessionFixture, at, motion, session, usual};
 
 #[test]
 fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
@@ -561,9 +561,7 @@ fn an_arm_lost_in_motion_that_answers_again_at_once_is_brought_to_rest_within_it
     fixture.both(at(1, points[1003]));
     fixture.device.ticks = 1;
     assert_eq!(fixture.session.state(), DeviceState::Stopping);
-    for cycle in 1004..1300 {
-        fixture.both(at(1, points[cycle]));
-    }
+    fixture.run(1, &points[1004..1300]);
     let mut velocity = points[1000 - DELAY as usize] - points[999 - DELAY as usize];
     let mut periods = 4.0;
     let mut last = fixture.sent[before - 1].1[0];
@@ -591,4 +589,24 @@ fn an_arm_lost_in_motion_for_long_begins_where_it_holds_itself() {
     fixture.exchange();
     assert_eq!(fixture.last(), 0.7);
     assert_ne!(fixture.session.state(), DeviceState::Stopping);
+}
+
+/// A driver tells a loss once per attempt to reach its device, and is silent between them.
+#[test]
+fn the_reason_of_a_loss_stays_until_the_device_is_only_silent() {
+    let mut fixture = SessionFixture::new();
+    let mut reason_after = |ms: u64, lost| {
+        fixture.now_ns += ms * MS;
+        fixture.session.handle_link_error(fixture.now_ns, lost);
+        fixture.session.measurement().reason
+    };
+    assert_eq!(reason_after(100, Some(5)), 5);
+    assert_eq!(reason_after(1_000, None), 5);
+    assert_eq!(reason_after(500, Some(6)), 6);
+    assert_eq!(reason_after(1_999, None), 6);
+    assert_eq!(reason_after(1, None), reason::SILENT);
+    fixture.exchange();
+    fixture.now_ns += 100 * MS;
+    fixture.session.handle_link_error(fixture.now_ns, None);
+    assert_eq!(fixture.session.measurement().reason, reason::SILENT);
 }
