@@ -24,11 +24,10 @@ use rcc_os::memory::{MemoryTrimmer, separate_arenas};
 use rcc_process::helpers::Hang;
 use rcc_process::oom;
 use rcc_process::priority::{STOP_NICE, WorkerPriority, raise_stop_thread};
-use rcc_process::signals::{end_with_parent, unblock_stop_signals};
-use rcc_process::{CellArguments, ExitError, HealthReport, Helper, Helpers, Notifier, exit};
+use rcc_process::{CellArguments, ExitError, HealthReport, Helper, Helpers, Notifier, Stop, exit};
 use rcc_protocol::events::EventKind;
 use rcc_protocol::{Configuration, Role};
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::oneshot;
 
 /// Interval at which the executor is looked up and the files of unloaded commands are removed.
 const MAINTAIN_EVERY: Duration = Duration::from_millis(100);
@@ -71,10 +70,7 @@ fn main() -> ExitCode {
 }
 
 fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
-    unblock_stop_signals()?;
-    if arguments.parent_death {
-        end_with_parent()?;
-    }
+    let stop = Stop::prepare(arguments.parent_death)?;
     let config = arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
     cell.make_state(config.recorder.folder.as_deref())?;
@@ -142,10 +138,13 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
             front.block_on(serve_front(helper, listeners.serve(serving, router)));
         }
     })?;
+    // A thread of its own: it tries again if the system cannot deliver the signal at once.
+    let (stop_sender, stop_requested) = oneshot::channel();
+    std::thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(move || stop_sender.send(stop.wait()))?;
     let turns = Arc::new(AtomicU64::new(0));
     let served: Result<(), ExitError> = runtime.block_on(async {
-        let mut terminate = signal(SignalKind::terminate())?;
-        let mut interrupt = signal(SignalKind::interrupt())?;
         tracing::info!(socket = %cell.socket().display(), "serving");
         if let Some(address) = address {
             tracing::info!(%address, "serving on TCP; a token is required");
@@ -163,10 +162,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         })?;
         // All threads exist: report READY.
         helpers.start();
-        tokio::select! {
-            _ = terminate.recv() => {}
-            _ = interrupt.recv() => {}
-        }
+        let _ = stop_requested.await;
         if let Some(why) = helpers.failure() {
             recorder.tell(EventKind::HelperEnded { why });
             return helpers.conclude();
