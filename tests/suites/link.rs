@@ -17,6 +17,8 @@ mod pair;
 const CUTS: usize = 6;
 /// Shortest and longest cut, s.
 const CUT_S: [f64; 2] = [0.001, 3.0];
+/// Exit code of `rcc-cli` after a net that was canceled.
+const CANCELED: i32 = 8;
 /// Age beyond which a value of the other cell is null, as configured.
 const EXPIRES: Duration = Duration::from_millis(300);
 
@@ -51,7 +53,7 @@ fn a_topic_of_one_cell_moves_an_arm_of_another() {
     let device = pair.b.device("press").expect("the device");
     assert_eq!(device["state"], "ready", "{device}");
     // The publisher ends: null, at once and without a loss of the device.
-    pair.a.cli_exits(0, &["cancel", "belt", "--wait"]);
+    pair.a.cli_exits(CANCELED, &["cancel", "belt", "--wait"]);
     await_some("null after the end of the publisher", || {
         (pair.value("gone.out").ok()? == Value::Bool(true)).then_some(())
     });
@@ -113,7 +115,9 @@ fn a_cut_link_is_null_and_nothing_starts_by_itself() {
         assert_eq!(pair.follow_state(), "running", "cut {number}: {seconds} s");
         let state = pair.b.state(strict);
         match state["state"].as_str() {
-            Some("running") => drop(pair.b.cli_exits(0, &["cancel", "strict", "--wait"])),
+            Some("running") => {
+                drop(pair.b.cli_exits(CANCELED, &["cancel", "strict", "--wait"]));
+            }
             _ => {
                 assert_eq!(
                     (&state["state"], &state["outcome"]),

@@ -51,8 +51,11 @@ fn measure(messages: u64, arrivals: &Arrivals, mut send: impl FnMut(u64)) -> Vec
 
 fn row(name: &str, messages: u64, latencies: &[Duration]) {
     let at = |share: f64| {
-        let place = ((latencies.len() as f64 * share) as usize).min(latencies.len().saturating_sub(1));
-        latencies.get(place).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e6)
+        let place =
+            ((latencies.len() as f64 * share) as usize).min(latencies.len().saturating_sub(1));
+        latencies
+            .get(place)
+            .map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e6)
     };
     println!(
         "{name:<10} {:>6} of {messages} messages  p50 {:>8.1} µs  p99 {:>8.1} µs  max {:>8.1} µs",
@@ -66,7 +69,9 @@ fn row(name: &str, messages: u64, latencies: &[Duration]) {
 fn over_zenoh(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Error>> {
     let port = rcc_config::free_port(rcc_config::Protocol::Tcp)?;
     let endpoint = vec![format!("tcp/127.0.0.1:{port}")];
-    let key = CellKeys::new("lab", "a").topic("belt/position").ok_or("a key")?;
+    let key = CellKeys::new("lab", "a")
+        .topic("belt/position")
+        .ok_or("a key")?;
     let sender = session::open(&endpoint, &[])?;
     let reader = session::open(&[], &endpoint)?;
     let (told, arrivals) = channel();
@@ -101,7 +106,10 @@ fn over_zenoh(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Error>
         std::thread::sleep(PERIOD);
     }
     let latencies = measure(messages, &arrivals, &mut send);
-    subscriber.undeclare().wait().map_err(|error| error.to_string())?;
+    subscriber
+        .undeclare()
+        .wait()
+        .map_err(|error| error.to_string())?;
     for session in [reader, sender] {
         session.close().wait().map_err(|error| error.to_string())?;
     }
@@ -127,7 +135,11 @@ fn over_iceoryx2(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Err
             }
         });
         let latencies = measure(messages, &arrivals, |sequence| {
-            let record = Record { sequence, age_ns: 1_000_000, value: 0.25 };
+            let record = Record {
+                sequence,
+                age_ns: 1_000_000,
+                value: 0.25,
+            };
             if let Err(error) = publisher.publish(&[record]) {
                 eprintln!("{error}");
             }
@@ -139,7 +151,9 @@ fn over_iceoryx2(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Err
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let messages = std::env::args().nth(1).map_or(Ok(5000), |text| text.parse())?;
+    let messages = std::env::args()
+        .nth(1)
+        .map_or(Ok(5000), |text| text.parse())?;
     row("iceoryx2", messages, &over_iceoryx2(messages)?);
     row("link", messages, &over_zenoh(messages)?);
     Ok(())

@@ -55,6 +55,7 @@ impl Requests {
         let worker = Worker {
             loader: loader(&options.cell)?,
             start: options.link.start.clone(),
+            status_key: keys.status(),
         };
         helpers::thread("requests", move || worker.run(&waiting))?;
         Ok(Requests {
@@ -81,6 +82,8 @@ fn refuse(query: &Query, words: &str) {
 struct Worker {
     loader: LoaderClient,
     start: BTreeMap<String, Vec<String>>,
+    /// Under it the status is answered; a query may ask for the status of all cells.
+    status_key: String,
 }
 
 impl Worker {
@@ -88,11 +91,11 @@ impl Worker {
         for asked in waiting {
             match asked {
                 Asked::Operation(key, query) => match self.operate(&key) {
-                    Ok(answer) => reply(&query, &answer),
+                    Ok(answer) => reply(&query, query.key_expr().as_str(), &answer),
                     Err(words) => refuse(&query, &words),
                 },
                 Asked::Status(query) => match self.loader.get::<StatusView>("/status") {
-                    Ok(status) => reply(&query, &json!(status)),
+                    Ok(status) => reply(&query, &self.status_key, &json!(status)),
                     Err(error) => refuse(&query, &error.to_string()),
                 },
             }
@@ -135,10 +138,8 @@ impl Worker {
     }
 }
 
-fn reply(query: &Query, answer: &Value) {
-    let replied = query
-        .reply(query.key_expr().clone(), answer.to_string())
-        .wait();
+fn reply(query: &Query, key: &str, answer: &Value) {
+    let replied = query.reply(key, answer.to_string()).wait();
     if let Err(error) = replied {
         tracing::debug!(%error, "not answered");
     }
