@@ -7,7 +7,7 @@ mod fixture;
 mod lockstep;
 mod stalls;
 
-use fixture::{DELAY, MS, SessionFixture, at, motion, session, usual};
+use fixture::{A_MAX, DELAY, MS, SessionFixture, at, motion, session, usual};
 
 #[test]
 fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
