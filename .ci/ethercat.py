@@ -30,11 +30,10 @@ INPUTS_COUNTER = 1 + 1
 class Simulator:
     """The process and its control port."""
 
-    def __init__(self, program: str, nic: str, folder: Path):
+    def __init__(self, program: str, nic: str, folder: Path, *arguments: str):
         control = folder / "line.sock"
-        self.process = subprocess.Popen(
-            [program, f"--nic={nic}", f"--control={control}"], stdout=subprocess.PIPE, text=True
-        )
+        command = [program, f"--nic={nic}", f"--control={control}", *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline()
         assert ready.startswith("ethercat-sim ready"), ready
         self.socket = socket.socket(socket.AF_UNIX)
@@ -74,11 +73,11 @@ def all_in(master, state: int) -> bool:
     return master.state_check(state, 500_000) == state
 
 
-def to_op(master):
+def to_op(master, counter: int = OUTPUTS_COUNTER + INPUTS_COUNTER):
     """From what `config_init` has found to OP."""
     master.config_map()
     assert all_in(master, pysoem.SAFEOP_STATE), states(master)
-    assert master.expected_wkc == OUTPUTS_COUNTER + INPUTS_COUNTER, master.expected_wkc
+    assert master.expected_wkc == counter, master.expected_wkc
     # Outputs must flow before OP, or the watchdog of a slow machine trips at once.
     exchange(master)
     master.state = pysoem.OP_STATE
@@ -187,6 +186,39 @@ def count_cycles(master, cycles: int):
     return wrong, (time.monotonic() - begun) / cycles
 
 
+def check_drive(master, simulator):
+    """A drive (CiA 402): enabled state by state, follows its target, quick stop, following error, reset."""
+    assert master.config_init() == 1
+    drive = master.slaves[0]
+    assert (drive.man, drive.id) == (0xFFFFFFFE, 0x402), (hex(drive.man), hex(drive.id))
+    drive.sdo_write(0x6060, 0, b"\x08")
+    drive.sdo_write(0x6065, 0, struct.pack("<I", 1000))
+    to_op(master, 3)
+    target = 0
+
+    def word(controlword: int) -> int:
+        drive.output = struct.pack("<Hi", controlword, target)
+        assert exchange(master) == master.expected_wkc
+        return struct.unpack("<HiH", drive.input)[0] & 0x6F
+
+    for controlword, state in [(0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)]:
+        until(hex(state), lambda: word(controlword) == state)
+    for target in range(0, 100_000, 500):
+        assert word(0x0F) == 0x27
+    until("the target", lambda: word(0x0F) == 0x27 and simulator.terminal(1)["drive"]["position"] == target)
+    assert struct.unpack("<b", drive.sdo_read(0x6061, 0)) == (8,)
+    until("a quick stop", lambda: word(0x02) & 0x4F == 0x40)
+    for controlword, state in [(0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)]:
+        until(hex(state), lambda: word(controlword) == state)
+    simulator.ask(block={"terminal": 1, "on": True})
+    target += 2000
+    until("the following error", lambda: word(0x0F) & 0x4F == 0x08)
+    assert struct.unpack("<HiH", drive.input)[2] == 0x8611
+    simulator.ask(block={"terminal": 1, "on": False})
+    until("no more of the fault's edge", lambda: word(0x00) & 0x4F == 0x08)
+    until("the reset", lambda: word(0x80) & 0x4F == 0x40)
+
+
 def main():
     for command in [
         "ip link add ecat0 type veth peer name ecat1",
@@ -216,7 +248,15 @@ def main():
         finally:
             master.close()
             simulator.end()
-    print(f"SOEM: 4 terminals in OP; 10000 exchanges, {mean_s * 1e6:.0f} µs each")
+        simulator = Simulator(sys.argv[1], "ecat1", Path(folder) / "drive", "--terminals=CiA402")
+        master = pysoem.Master()
+        master.open("ecat0")
+        try:
+            check_drive(master, simulator)
+        finally:
+            master.close()
+            simulator.end()
+    print(f"SOEM: 4 terminals in OP; 10000 exchanges, {mean_s * 1e6:.0f} µs each; a drive")
 
 
 main()

@@ -52,6 +52,13 @@ impl TestCell {
         TestCell::in_fixture(CellFixture::new(config, change))
     }
 
+    /// As [`TestCell::start`], for devices that are only online until a net enables them.
+    pub fn start_online(config: &Path, change: impl Fn(String) -> String) -> TestCell {
+        let mut cell = TestCell::begin(CellFixture::new(config, change));
+        cell.await_all("online");
+        cell
+    }
+
     /// Starts the cell of a fixture and waits until it is ready.
     pub fn in_fixture(place: CellFixture) -> TestCell {
         let mut cell = TestCell::begin(place);
@@ -71,16 +78,21 @@ impl TestCell {
 
     /// Waits until every device is ready.
     pub fn await_ready(&mut self) {
+        self.await_all("ready");
+    }
+
+    /// Waits until every device is in this state.
+    fn await_all(&mut self, state: &str) {
         let Self { place, up, .. } = self;
         let place = place.as_ref().expect(HERE);
-        await_some("the cell to be ready", || {
+        await_some(&format!("the cell to be {state}"), || {
             if let Some(status) = up.try_wait().expect("the child can be asked") {
                 panic!("rcc-cli up ended ({status}):\n{}", place.logs());
             }
             let reply = place.try_rest("GET", "/devices", "")?;
             let rows = reply.body.as_array()?;
-            let ready = rows.iter().all(|row| row["state"] == "ready");
-            (ready && !rows.is_empty()).then_some(())
+            let all = rows.iter().all(|row| row["state"] == state);
+            (all && !rows.is_empty()).then_some(())
         });
     }
 

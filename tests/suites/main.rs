@@ -17,6 +17,7 @@ mod endurance;
 mod errors_at_start;
 mod errors_in_motion;
 mod ethercat;
+mod ethercat_drives;
 mod events;
 mod evidence;
 mod examples;

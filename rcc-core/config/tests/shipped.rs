@@ -56,6 +56,7 @@ fn the_cells_are_read_without_a_fault() {
             &["left", "right"],
         ),
         ("cells/ethercat.yaml", "ethercat", &["line"]),
+        ("cells/ethercat-drives.yaml", "ethercat-drives", &["table"]),
         ("cells/impedance.yaml", "impedance", &["lwr"]),
     ] {
         let config = load(name);

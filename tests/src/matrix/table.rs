@@ -133,6 +133,18 @@ answer; after each death the next process must start and exchange, the executor 
 $ RCC_EVERY_SYSCALL=1 cargo test -p rcc-tests --test suites syscalls
 ```
 
+Programs of others are struck by tests of their own, while the arm moves; its motion must finish as planned, and no cycle may be
+late but with the machine:
+
+| a program of others | killed | stopped | lies | is slow |
+|---|---|---|---|---|
+| a driver, `driver: {program: …}` | its device is lost, alone; started again, its outputs stay released until a net commands them | the same; it goes on after SIGCONT | of another layout: not attached, the message names both; wrong values are not tested with a foreign process | not tested with a foreign process |
+| a software device, `driver: software` | lost, started again | null after `timeout`; the same process goes on | no number, infinite, another type, of the future, out of range, wrong names: null; too many answers or a flood: the right ones count | null after `timeout` |
+
+```console
+$ cargo test --workspace --test suites -- outside software
+```
+
 Every case must satisfy:
 
 - **No unrequested motion.** From the moment the arm rests until the next START no joint is faster than

@@ -1,0 +1,211 @@
+//! A cell whose joints are moved by drives on a simulated EtherCAT line (`configs/cells/ethercat-drives.yaml`): enabled by a net,
+//! moved by another, stopped as CiA 402 says. Each test has a cell of its own.
+
+use rcc_core::message::ClockState;
+use rcc_protocol::Role;
+use rcc_tests::cell_fixture::CellFixture;
+use rcc_tests::simulator::Simulator;
+use rcc_tests::{TestCell, await_some, repository};
+use serde_json::{Value, json};
+
+/// Enables the drives until CANCEL.
+const POWER: &str = "
+net: power
+primitives:
+  power:  {type: DigitalOutput, parameters: {device: table, channel: power}, inputs: {in: true}}
+  cancel: {type: Cancel}
+  end:    {type: Termination, inputs: {done: cancel.requested}}
+";
+
+/// Window of the following error, counts.
+const WINDOW: i64 = 100_000;
+
+/// Moves both joints to this position, rad, at this share of their limits.
+fn to(turn: f64, tilt: f64, scale: f64) -> String {
+    format!(
+        "
+net: move
+primitives:
+  cancel: {{type: Cancel}}
+  move:
+    type: JointMotion
+    parameters: {{device: table, to: [{turn} rad, {tilt} rad], scale: {scale}}}
+    inputs: {{stop: cancel.requested}}
+  robot: {{type: JointPositionCommand, parameters: {{device: table}}, inputs: {{position: move.joints}}}}
+  end:   {{type: Termination, inputs: {{done: move.done}}}}
+"
+    )
+}
+
+fn start(change: impl Fn(String) -> String) -> TestCell {
+    let shipped = repository().join("configs/cells/ethercat-drives.yaml");
+    TestCell::start_online(&shipped, change)
+}
+
+fn drives(line: &mut Simulator) -> [Value; 2] {
+    let state = line.state();
+    [0, 1].map(|drive: usize| state["terminals"][drive]["drive"].clone())
+}
+
+fn positions(line: &mut Simulator) -> [i64; 2] {
+    drives(line).map(|drive| drive["position"].as_i64().expect("counts"))
+}
+
+/// Waits until no drive is enabled.
+fn await_no_torque(line: &mut Simulator) -> [Value; 2] {
+    await_some("no drive enabled", || {
+        let drives = drives(line);
+        let ended =
+            |drive: &Value| drive["state"] == "switch_on_disabled" || drive["state"] == "fault";
+        drives.iter().all(ended).then_some(drives)
+    })
+}
+
+/// Waits until the first drive has left its place.
+fn await_motion(line: &mut Simulator, from: i64) {
+    await_some("motion", || {
+        ((positions(line)[0] - from).abs() > 20_000).then_some(())
+    });
+}
+
+/// Enables the drives; returns the net that does.
+fn enable(cell: &CellFixture) -> u64 {
+    let power = cell.run(POWER);
+    cell.await_device("table", "ready");
+    power
+}
+
+#[test]
+fn a_net_moves_the_joints_within_the_window_of_the_drives() {
+    let cell = start(|text| text);
+    let mut line = cell.simulator("line-sim");
+    assert_eq!(positions(&mut line), [0, 0]);
+    let power = enable(&cell);
+    assert_eq!(positions(&mut line), [0, 0], "enabling moves nothing");
+    let id = cell.run(&to(0.4, -0.3, 0.3));
+    await_some("the end of the motion", || {
+        for drive in drives(&mut line) {
+            let at = |key: &str| drive[key].as_i64().expect("counts");
+            let error = (at("target") - at("position")).abs();
+            assert!(error < WINDOW, "{drive}");
+            assert_eq!(drive["state"], "operation_enabled");
+        }
+        (cell.state(id)["state"] != "running").then_some(())
+    });
+    cell.assert_ends(id, "finished");
+    // The second drive turns the other way, and is at 0.2 rad with count 0.
+    await_some("the goal", || {
+        (positions(&mut line) == [400_000, 500_000]).then_some(())
+    });
+    let (words, _) = cell.cli_exits(0, &["doctor", "ethercat", "table"]);
+    assert!(
+        words.contains("all drives are in `operation enabled`"),
+        "{words}"
+    );
+    cell.done(power, "cancel");
+    cell.assert_ends(power, "canceled");
+    cell.await_device("table", "online");
+    await_no_torque(&mut line);
+    assert_eq!(positions(&mut line), [400_000, 500_000]);
+    let row = cell.device("table").expect("a row").to_string();
+    assert!(row.contains("the drives are off"), "{row}");
+    cell.stop();
+}
+
+#[test]
+fn a_fault_stops_all_drives_and_only_a_new_start_resets_it() {
+    let cell = start(|text| text);
+    let mut line = cell.simulator("line-sim");
+    let power = enable(&cell);
+    let id = cell.run(&to(2.0, 1.0, 0.3));
+    await_motion(&mut line, 0);
+    line.ask(&json!({"fault": {"terminal": 2, "code": 0x2310}}));
+    let row = cell.await_end(id);
+    assert!(row.to_string().contains("device lost"), "{row}");
+    let [turn, tilt] = await_no_torque(&mut line);
+    assert_eq!(
+        (&turn["state"], &tilt["state"]),
+        (&json!("switch_on_disabled"), &json!("fault"))
+    );
+    let rest = positions(&mut line);
+    assert!(rest[0] < 2_000_000, "it stopped on its way");
+    cell.await_device("table", "online");
+    let (words, _) = cell.cli_exits(1, &["doctor", "ethercat", "table"]);
+    let wanted = "the drive of tilt (tilter) is in fault; error code 0x2310";
+    assert!(words.contains(wanted), "{words}");
+    // The output is still on: that is no new permission.
+    assert_eq!(cell.state(power)["state"], "running");
+    let (_, refusal) = cell.load_any(&to(0.0, 0.0, 0.3));
+    assert!(
+        refusal.to_string().contains("ready") || refusal["state"] != "running",
+        "{refusal}"
+    );
+    assert_eq!(drives(&mut line)[1]["state"], "fault");
+    cell.done(power, "cancel");
+    cell.assert_ends(power, "canceled");
+    assert_eq!(drives(&mut line)[1]["state"], "fault");
+    enable(&cell);
+    assert_eq!(positions(&mut line), rest);
+    let id = cell.run(&to(0.0, 0.0, 0.5));
+    cell.assert_ends(id, "finished");
+    cell.stop();
+}
+
+#[test]
+fn the_drives_brake_by_themselves_when_the_driver_is_killed() {
+    let cell = start(|text| text);
+    let mut line = cell.simulator("line-sim");
+    enable(&cell);
+    let id = cell.run(&to(2.5, 1.2, 0.2));
+    await_motion(&mut line, 0);
+    let dead = cell.kill(Role::Driver, "table");
+    // By their watchdogs, or by the start of the next driver, whichever is earlier.
+    await_no_torque(&mut line);
+    let rest = positions(&mut line);
+    assert!(rest[0] < 2_500_000, "it stopped on its way: {rest:?}");
+    let row = cell.await_end(id);
+    assert!(row.to_string().contains("device lost"), "{row}");
+    cell.await_successor(Role::Driver, "table", dead);
+    cell.await_device("table", "online");
+    await_no_torque(&mut line);
+    assert_eq!(positions(&mut line), rest, "nothing moves by itself");
+    enable(&cell);
+    assert_eq!(positions(&mut line), rest);
+    let id = cell.run(&to(0.0, 0.2, 0.5));
+    cell.assert_ends(id, "finished");
+    cell.stop();
+}
+
+#[test]
+fn the_cycles_follow_the_exchanges_of_the_line_if_the_clock_does() {
+    let cell = start(|text| {
+        let text = text.replace("    delay: 80 ms", "    #");
+        format!("{text}\nclock: {{device: table}}\n")
+    });
+    let watch = cell.watch();
+    await_some("a locked clock", || {
+        (watch.status().clock.state == ClockState::Locked as u32).then_some(())
+    });
+    let words = String::from_utf8_lossy(&cell.cli(&["status"]).stdout).into_owned();
+    assert!(words.contains("clock     table: "), "{words}");
+    let clock = watch.status().clock;
+    let ratio = clock.device_period_ns / 1e6;
+    assert!((ratio - 1.0).abs() < 2.1e-3, "{clock:?}");
+    enable(&cell);
+    let mut line = cell.simulator("line-sim");
+    let frames = line.state()["frames"].as_u64().expect("frames");
+    let cycle = watch.status().cycle;
+    let id = cell.run(&to(0.2, 0.0, 0.3));
+    cell.await_end(id);
+    // As many cycles as exchanges, but for those before the one and after the other reading.
+    let exchanges = line.state()["frames"].as_u64().expect("frames") - frames;
+    let cycles = watch.status().cycle - cycle;
+    assert!(exchanges > 200, "{exchanges}");
+    let apart = exchanges.abs_diff(cycles);
+    assert!(
+        apart * 10 < exchanges,
+        "{exchanges} exchanges, {cycles} cycles"
+    );
+    drop(watch);
+    cell.stop();
+}
