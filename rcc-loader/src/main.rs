@@ -140,9 +140,10 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     })?;
     // A thread of its own: it tries again if the system cannot deliver the signal at once.
     let (stop_sender, stop_requested) = oneshot::channel();
-    std::thread::Builder::new()
-        .name("signals".to_owned())
-        .spawn(move || stop_sender.send(stop.wait()))?;
+    rcc_process::helpers::thread("signals", move || {
+        // Without a receiver the program has ended already.
+        let _ = stop_sender.send(stop.wait());
+    })?;
     let turns = Arc::new(AtomicU64::new(0));
     let served: Result<(), ExitError> = runtime.block_on(async {
         tracing::info!(socket = %cell.socket().display(), "serving");

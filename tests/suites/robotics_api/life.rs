@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use rcc_protocol::Role;
+use rcc_tests::cell_fixture::await_told;
 use rcc_tests::processes::{signal, with_runtime_dir};
 use rcc_tests::{TestCell, await_some};
 use serde_json::Value;
@@ -272,7 +273,13 @@ fn nets_of_a_gateway_that_is_killed_are_cancelled_in_a_cell_that_lives_on() {
     await_some("the net to be cancelled", || {
         (state() != "running").then_some(())
     });
-    let events = cell.rest("GET", "/events", "").body.to_string();
-    assert!(events.contains("lease"), "{events}");
+    // Events are written after the state has changed.
+    await_told("the event of the lost lease", || {
+        let events = cell.rest("GET", "/events", "").body.to_string();
+        match events.contains("lease") {
+            true => Ok(()),
+            false => Err(events),
+        }
+    });
     cell.stop();
 }
