@@ -153,7 +153,9 @@ impl FriHarness {
     }
 
     fn report_silence(&mut self) {
-        if self.session.handle_link_error(self.now_ns, Some(105)) {
+        self.session.handle_link_error(self.now_ns, Some(105));
+        // An arm in motion that answers again at once goes on from there.
+        if !self.session.is_online_arm() {
             self.checker.forget();
         }
     }
