@@ -12,6 +12,7 @@ use rcc_link::keys::CellKeys;
 use rcc_link::message::{TopicMessage, VERSION};
 use rcc_link::session;
 use rcc_protocol::Role;
+use rcc_testing::quantile;
 use zenoh::Wait;
 
 const PERIOD: Duration = Duration::from_millis(2);
@@ -50,13 +51,8 @@ fn measure(messages: u64, arrivals: &Arrivals, mut send: impl FnMut(u64)) -> Vec
 }
 
 fn row(name: &str, messages: u64, latencies: &[Duration]) {
-    let at = |share: f64| {
-        let place =
-            ((latencies.len() as f64 * share) as usize).min(latencies.len().saturating_sub(1));
-        latencies
-            .get(place)
-            .map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e6)
-    };
+    let at =
+        |share| quantile(latencies, share).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e6);
     println!(
         "{name:<10} {:>6} of {messages} messages  p50 {:>8.1} µs  p99 {:>8.1} µs  max {:>8.1} µs",
         latencies.len(),

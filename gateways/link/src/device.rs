@@ -61,7 +61,7 @@ pub const REASONS: &[Reason] = &[
     ),
 ];
 
-/// What follows when no channel has a value any more.
+/// Reaction to the loss of the values of all channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OnLoss {
     /// The device is lost.
@@ -80,7 +80,7 @@ pub struct LinkDevice {
     shared: Arc<SharedLink>,
 }
 
-/// What Zenoh's threads and the diagnosis share with the driver.
+/// State shared by the driver, Zenoh's threads and the diagnosis.
 #[derive(Debug)]
 struct SharedLink {
     inbox: Arc<Inbox>,

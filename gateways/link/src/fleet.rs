@@ -1,4 +1,4 @@
-//! What people ask of cells over the link: which are there, and START and CANCEL of their nets. Run by the main thread of
+//! Requests of an operator over the link: the list of cells, and START and CANCEL of their nets. Run by the main thread of
 //! `rcc-link`.
 
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ const ANSWER_MAX: Duration = Duration::from_secs(3);
 /// Why nothing was learnt.
 #[derive(Debug, thiserror::Error)]
 pub enum FleetError {
-    /// There is no session.
+    /// The Zenoh session cannot be opened.
     #[error(transparent)]
     Session(#[from] SessionError),
     /// Nothing answers at the endpoints.

@@ -37,7 +37,7 @@ const NEWS_MAX: usize = 1024;
 /// Longest time between two looks at the stop request.
 const TURN: Duration = Duration::from_millis(100);
 
-/// What is carried.
+/// Options of the gateway.
 #[derive(Clone, Debug)]
 pub struct GatewayOptions {
     /// Name of the cell.
@@ -49,7 +49,7 @@ pub struct GatewayOptions {
 /// Why the gateway ends.
 #[derive(Debug, thiserror::Error)]
 pub enum GatewayError {
-    /// There is no session.
+    /// The Zenoh session cannot be opened.
     #[error(transparent)]
     Session(#[from] SessionError),
     /// A thread cannot be made.
@@ -80,7 +80,7 @@ pub(crate) struct PublishedTopic {
     pub primitive: String,
 }
 
-/// What the publishing thread is told.
+/// A message to the publishing thread.
 pub(crate) enum News {
     /// Values of a net, and its topics.
     Values(Arc<Vec<PublishedTopic>>, Box<StreamValues>),
@@ -88,7 +88,7 @@ pub(crate) enum News {
     Gone(Vec<PublishedTopic>),
     /// The executor, and its newest cycle at a time.
     Executor(String, CycleTime),
-    /// There is no executor, or no loader.
+    /// The executor or the loader does not answer.
     NoExecutor,
     /// An event.
     Event(Box<EventView>),

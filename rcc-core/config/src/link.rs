@@ -108,7 +108,7 @@ fn endpoints(
     endpoints.into_iter().collect()
 }
 
-/// Checks `tcp/HOST:PORT` or `tls/HOST:PORT`.
+/// Checks `tcp/HOST:PORT`.
 fn endpoint(reader: &mut ConfigReader, place: Span, text: &str) -> Option<String> {
     if is_endpoint(text) {
         return Some(text.to_owned());

@@ -30,7 +30,7 @@ pub(super) enum ChannelState {
     OtherKind,
 }
 
-/// What the exchange thread reads in one period.
+/// Values of all channels in one period of the exchange thread.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading {
     /// Known values.

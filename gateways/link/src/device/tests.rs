@@ -52,6 +52,12 @@ fn take(inbox: &Inbox, topic: &str, message: &TopicMessage, arrival_ns: u64) {
     inbox.take_at(topic, &message.bytes().expect("bytes"), arrival_ns);
 }
 
+/// Takes a message of the topic `force`.
+fn take_force(inbox: &Inbox, (sequence, sent_ns): (u64, u64), newtons: f64, arrival_ns: u64) {
+    let message = message(sequence, sent_ns, "Real", Some("N"), json!(newtons));
+    take(inbox, "force", &message, arrival_ns);
+}
+
 #[test]
 fn each_channel_has_the_newest_value_of_its_topic() {
     let inbox = inbox();
@@ -62,12 +68,7 @@ fn each_channel_has_the_newest_value_of_its_topic() {
         &message(1, 0, "Bool", None, json!(true)),
         MS,
     );
-    take(
-        &inbox,
-        "force",
-        &message(1, 0, "Real", Some("N"), json!(12.5)),
-        MS,
-    );
+    take_force(&inbox, (1, 0), 12.5, MS);
     take(
         &inbox,
         "joints",
@@ -91,12 +92,7 @@ fn each_channel_has_the_newest_value_of_its_topic() {
 #[test]
 fn a_value_that_is_too_old_is_null_and_never_the_last_one() {
     let inbox = inbox();
-    take(
-        &inbox,
-        "force",
-        &message(1, 0, "Real", Some("N"), json!(12.5)),
-        MS,
-    );
+    take_force(&inbox, (1, 0), 12.5, MS);
     // 2 ms at the sender.
     assert_eq!(inbox.read_at(99 * MS, EXPIRES).inputs.analog[0], 12.5);
     assert!(inbox.read_at(100 * MS, EXPIRES).inputs.analog[0].is_nan());
@@ -106,55 +102,25 @@ fn a_value_that_is_too_old_is_null_and_never_the_last_one() {
 #[test]
 fn what_a_cut_has_delayed_is_not_new() {
     let inbox = inbox();
-    take(
-        &inbox,
-        "force",
-        &message(1, 0, "Real", Some("N"), json!(1.0)),
-        MS,
-    );
-    take(
-        &inbox,
-        "force",
-        &message(2, 10 * MS, "Real", Some("N"), json!(2.0)),
-        3011 * MS,
-    );
+    take_force(&inbox, (1, 0), 1.0, MS);
+    take_force(&inbox, (2, 10 * MS), 2.0, 3011 * MS);
     assert!(inbox.read_at(3011 * MS, EXPIRES).inputs.analog[0].is_nan());
-    take(
-        &inbox,
-        "force",
-        &message(3, 3010 * MS, "Real", Some("N"), json!(3.0)),
-        3012 * MS,
-    );
+    take_force(&inbox, (3, 3010 * MS), 3.0, 3012 * MS);
     assert_eq!(inbox.read_at(3012 * MS, EXPIRES).inputs.analog[0], 3.0);
 }
 
 #[test]
 fn older_messages_and_those_of_an_earlier_life_change_nothing() {
     let inbox = inbox();
-    take(
-        &inbox,
-        "force",
-        &message(5, 50 * MS, "Real", Some("N"), json!(5.0)),
-        51 * MS,
-    );
-    take(
-        &inbox,
-        "force",
-        &message(4, 40 * MS, "Real", Some("N"), json!(4.0)),
-        52 * MS,
-    );
+    take_force(&inbox, (5, 50 * MS), 5.0, 51 * MS);
+    take_force(&inbox, (4, 40 * MS), 4.0, 52 * MS);
     assert_eq!(inbox.read_at(53 * MS, EXPIRES).inputs.analog[0], 5.0);
     let next = TopicMessage {
         sender: "2".to_owned(),
         ..message(1, 0, "Real", Some("N"), json!(9.0))
     };
     take(&inbox, "force", &next, 60 * MS);
-    take(
-        &inbox,
-        "force",
-        &message(6, 60 * MS, "Real", Some("N"), json!(6.0)),
-        61 * MS,
-    );
+    take_force(&inbox, (6, 60 * MS), 6.0, 61 * MS);
     let read = inbox.read_at(62 * MS, EXPIRES);
     assert_eq!((read.inputs.analog[0], read.out_of_order), (9.0, 2));
 }
@@ -189,12 +155,7 @@ fn another_type_or_unit_is_no_value() {
 #[test]
 fn bytes_that_are_no_message_are_counted_and_refused() {
     let inbox = inbox();
-    take(
-        &inbox,
-        "force",
-        &message(1, 0, "Real", Some("N"), json!(1.0)),
-        MS,
-    );
+    take_force(&inbox, (1, 0), 1.0, MS);
     for bytes in [&b"{}"[..], b"", b"\xff"] {
         inbox.take_at("force", bytes, 2 * MS);
     }

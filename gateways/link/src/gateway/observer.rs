@@ -28,7 +28,7 @@ pub(super) struct Observer {
     rate_hz: f64,
     told: SyncSender<News>,
     stop: Arc<AtomicBool>,
-    /// What the present readers read.
+    /// Topics of the present readers.
     topics: BTreeSet<PublishedTopic>,
     /// Counts changes of `topics`: a reader of an older number ends.
     generation: Arc<AtomicU64>,

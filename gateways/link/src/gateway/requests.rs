@@ -24,7 +24,7 @@ pub(super) struct Requests {
     _status: Queryable<()>,
 }
 
-/// What a peer asks for.
+/// A request of a peer.
 enum Asked {
     Operation(RequestKey, Query),
     Status(Query),
