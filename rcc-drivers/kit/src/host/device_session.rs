@@ -30,6 +30,8 @@ use playback::PlaybackPointer;
 
 /// Longest interval between two reads of the command board, in executor periods.
 pub const OBSERVE_PERIODS_MAX: u64 = 4;
+/// A device whose period differs by a larger share from that of its last exchange has another clock.
+const PERIOD_TOLERANCE: f64 = 0.25;
 /// A silent device is offline after this number of its periods, or after `command_timeout` if that is longer.
 const SILENT_PERIODS: u64 = 5;
 
@@ -214,7 +216,7 @@ impl DeviceSession {
             .settings
             .command_timeout_ns
             .max(SILENT_PERIODS.saturating_mul(exchange.period_ns));
-        self.period_s = exchange.period_s();
+        self.take_period(exchange.period_s());
         self.startable = exchange.startable;
         if exchange.commandable {
             self.enter_command_mode(&exchange.mirror);
@@ -224,6 +226,16 @@ impl DeviceSession {
         self.update_inputs(now_ns, inputs, exchange);
         if !exchange.commandable {
             self.update_state(exchange);
+        }
+    }
+
+    /// A set-point is one executor cycle of motion: played in other steps of the device's time, it moves at another speed.
+    fn take_period(&mut self, period_s: f64) {
+        let change = (period_s - self.period_s).abs();
+        let changed = change > PERIOD_TOLERANCE * self.period_s;
+        self.period_s = period_s;
+        if changed {
+            self.end_following(reason::PERIOD_CHANGED);
         }
     }
 

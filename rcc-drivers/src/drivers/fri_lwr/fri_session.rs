@@ -145,7 +145,7 @@ impl FriSession {
             self.reset();
         }
         if let Some(implausibility) = self.implausibility_of(&measured, ticks)
-            && !self.is_confirmed_by(&measured)
+            && !(implausibility.can_be_confirmed() && self.is_confirmed_by(&measured))
         {
             self.refuse();
             self.unconfirmed = Some((measured, implausibility));
@@ -176,8 +176,8 @@ impl FriSession {
         true
     }
 
-    /// Returns why a datagram must be confirmed by the next one. FRI has no checksum: in command state, a single datagram
-    /// must neither end that state, nor change the period, nor move the mirrored position, nor skip many sequence numbers.
+    /// Returns why a datagram is doubted. FRI has no checksum: in command state, a single datagram must neither end that
+    /// state, nor move the mirrored position, nor skip many sequence numbers; none changes the period.
     fn implausibility_of(
         &self,
         measured: &MeasurementDatagram,
@@ -189,6 +189,9 @@ impl FriSession {
         let mirrored = self.commanding <= ENTRY_CYCLES;
         let agrees = self.period.agrees(measured.measurement_period);
         match () {
+            () if !agrees && measured.state == SessionState::Command => {
+                Some(Implausibility::Period)
+            }
             () if ticks > GAP_MAX => Some(Implausibility::Gap),
             () if mirrored && !is_near(measured, &self.measured, STILL_RAD) => {
                 Some(Implausibility::Position)

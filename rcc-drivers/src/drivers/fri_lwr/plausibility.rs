@@ -6,7 +6,8 @@ use crate::fri_lwr::wire::MeasurementDatagram;
 /// Number of datagrams over which the sample time is averaged.
 const PERIODS_AVERAGED: f64 = 1000.0;
 
-/// Why a datagram is implausible: it is accepted only once the next one confirms it.
+/// Why a datagram is implausible: it is refused, and all but [`Implausibility::Period`] are accepted once the next one
+/// confirms it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Implausibility {
     /// The session state changes.
@@ -15,7 +16,8 @@ pub enum Implausibility {
     Strategy,
     /// The drives lose or gain power, or report an error.
     Power,
-    /// The sample time differs from its mean by more than `settings.period_tolerance`.
+    /// The sample time differs from its mean by more than `settings.period_tolerance`. A controller has another one only
+    /// after it was closed and opened again: set-points in other steps of time would break the limits of a motion.
     Period,
     /// Many sequence numbers are skipped.
     Gap,
@@ -39,6 +41,12 @@ impl Implausibility {
             "the controller's own position jumped while it was mirrored",
         ),
     ];
+
+    /// Returns true if the next datagram may confirm it.
+    #[must_use]
+    pub fn can_be_confirmed(self) -> bool {
+        self != Self::Period
+    }
 }
 
 /// Mean of a controller's sample time; some controllers send a time that varies around it.

@@ -5,9 +5,10 @@ use super::*;
 
 mod fixture;
 mod lockstep;
+mod losses;
 mod stalls;
 
-use fixture::{A_MAX, DELAY, MS, SessionFixture, at, motion, session, usual};
+use fixture::{DELAY, MS, SessionFixture, at, motion, session, usual};
 
 #[test]
 fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
@@ -173,50 +174,6 @@ fn a_late_executor_slows_the_motion_on_its_path_and_the_margin_comes_back() {
         (fixture.last(), fixture.session.state()),
         (1.0, DeviceState::Ready)
     );
-}
-
-#[test]
-fn a_device_that_stalled_loses_no_set_point_and_catches_up() {
-    let mut fixture = SessionFixture::new();
-    let points = motion(0.0, 1.0, 2000);
-    for (cycle, q) in points.iter().enumerate() {
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-        if (500..530).contains(&cycle) {
-            fixture.observe();
-        } else {
-            fixture.exchange();
-        }
-        if cycle == 530 {
-            assert_eq!(fixture.session.margin(), DELAY + 30);
-        }
-    }
-    assert!(
-        fixture.session.margin() <= DELAY + 1,
-        "{}",
-        fixture.session.margin()
-    );
-    assert_eq!(fixture.session.counts(), PlaybackCounts::default());
-    fixture.check_peaks();
-}
-
-#[test]
-fn lost_device_periods_count_as_time() {
-    let mut fixture = SessionFixture::new();
-    let points = usual();
-    for (cycle, q) in points.iter().enumerate() {
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-        match cycle {
-            200 | 201 => fixture.observe(),
-            _ => {
-                fixture.device.ticks = if cycle == 202 { 3 } else { 1 };
-                fixture.exchange();
-            }
-        }
-    }
-    assert_eq!(fixture.last(), points[400 - DELAY as usize]);
-    assert_eq!(fixture.session.margin(), DELAY);
 }
 
 #[test]
@@ -433,98 +390,6 @@ fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_no_further_net() {
 }
 
 #[test]
-fn set_points_missed_in_a_stall_are_played_at_once_if_the_device_has_continued() {
-    let mut fixture = SessionFixture::new();
-    let points = motion(0.0, 1.0, 2000);
-    fixture.run(1, &points[..1000]);
-    for q in &points[1000..1039] {
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-    }
-    fixture.device.ticks = 40;
-    fixture.run(1, &points[1039..=1039]);
-    fixture.device.ticks = 1;
-    assert!((fixture.last() - points[1039 - DELAY as usize]).abs() < 1e-12);
-    fixture.run(1, &points[1040..]);
-    (0..DELAY).for_each(|_| fixture.both(at(1, 1.0)));
-    assert_eq!((fixture.session.reason(), fixture.last()), (0, 1.0));
-}
-
-#[test]
-fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
-    let mut fixture = SessionFixture::new();
-    let points = motion(0.0, 1.0, 2000);
-    fixture.run(1, &points[..1000]);
-    for q in &points[1000..1060] {
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-    }
-    fixture.run(1, &points[1060..1100]);
-    assert_eq!(fixture.session.reason(), reason::SET_POINTS_LOST);
-    fixture.check_peaks();
-}
-
-#[test]
-fn at_rest_the_delay_is_restored_without_slowing_anything() {
-    let mut fixture = SessionFixture::new();
-    let points = usual();
-    (0..50).for_each(|_| fixture.both(at(1, 0.0)));
-    fixture.device_alone(8);
-    (0..20).for_each(|_| fixture.both(at(1, 0.0)));
-    assert_eq!(fixture.session.margin(), DELAY);
-    fixture.sent.clear();
-    fixture.run(1, &points);
-    assert_eq!(
-        fixture.positions()[DELAY as usize..],
-        points[..points.len() - DELAY as usize]
-    );
-}
-
-#[test]
-fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
-    let mut fixture = SessionFixture::new();
-    let points = motion(0.0, 1.0, 2000);
-    fixture.run(1, &points[..700]);
-    for q in &points[700..704] {
-        // The device stands still for 4 ms; the executor does not.
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-    }
-    fixture.run(1, &points[704..720]);
-    assert_eq!(fixture.session.margin(), DELAY + 4);
-    fixture.run(1, &points[720..1200]);
-    assert!(
-        fixture.session.margin() <= DELAY + 1,
-        "{}",
-        fixture.session.margin()
-    );
-    assert_eq!(fixture.session.counts(), PlaybackCounts::default());
-    fixture.check_peaks();
-    for (_, q) in &fixture.sent {
-        assert!((q[1] - 0.5 * q[0]).abs() < 1e-15, "off the path");
-    }
-}
-
-#[test]
-fn equal_set_points_that_piled_up_at_rest_are_left_out_at_once() {
-    let mut fixture = SessionFixture::new();
-    (0..50).for_each(|_| fixture.both(at(1, 0.0)));
-    for _ in 0..5 {
-        fixture.now_ns += MS;
-        fixture.write(at(1, 0.0));
-    }
-    fixture.both(at(1, 0.0));
-    assert_eq!(fixture.session.margin(), DELAY);
-    fixture.sent.clear();
-    let points = usual();
-    fixture.run(1, &points);
-    assert_eq!(
-        fixture.positions()[DELAY as usize..],
-        points[..points.len() - DELAY as usize]
-    );
-}
-
-#[test]
 fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_itself() {
     let elsewhere = [0.7; JOINTS_MAX];
     let mut fixture = SessionFixture::new();
@@ -538,75 +403,4 @@ fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_i
     fixture.session.lose_device();
     fixture.exchange();
     assert_eq!(fixture.session.position, elsewhere);
-}
-
-/// A socket that fails for a moment while the controller bridges the missing answers: the arm is lost for the executor at
-/// once, and goes on from where it is, not at once to rest.
-#[test]
-fn an_arm_lost_in_motion_that_answers_again_at_once_is_brought_to_rest_within_its_limits() {
-    let mut fixture = SessionFixture::new();
-    let points = motion(0.0, 1.0, 2000);
-    fixture.run(1, &points[..1000]);
-    for missing in 1..=3 {
-        fixture.now_ns += MS;
-        fixture.write(at(1, points[999 + missing]));
-        fixture.session.handle_link_error(fixture.now_ns, Some(1));
-        assert_eq!(
-            fixture.session.measurement().state,
-            DeviceState::Offline as u32
-        );
-    }
-    let before = fixture.sent.len();
-    fixture.device.ticks = 4;
-    fixture.both(at(1, points[1003]));
-    fixture.device.ticks = 1;
-    assert_eq!(fixture.session.state(), DeviceState::Stopping);
-    fixture.run(1, &points[1004..1300]);
-    let mut velocity = points[1000 - DELAY as usize] - points[999 - DELAY as usize];
-    let mut periods = 4.0;
-    let mut last = fixture.sent[before - 1].1[0];
-    for (_, q) in &fixture.sent[before..] {
-        let now = (q[0] - last) / periods;
-        assert!(
-            (now - velocity).abs() <= 1.001 * A_MAX * 1e-6 * periods,
-            "{now} {velocity}"
-        );
-        (velocity, last, periods) = (now, q[0], 1.0);
-    }
-    assert_eq!(velocity, 0.0);
-    assert_eq!(fixture.session.state(), DeviceState::Online);
-    assert_eq!(fixture.session.reason(), reason::DEVICE_STOPPED);
-}
-
-#[test]
-fn an_arm_lost_in_motion_for_long_begins_where_it_holds_itself() {
-    let mut fixture = SessionFixture::new();
-    fixture.run(1, &motion(0.0, 1.0, 2000)[..1000]);
-    fixture.session.handle_link_error(fixture.now_ns, Some(1));
-    fixture.now_ns += 100 * MS;
-    fixture.session.handle_link_error(fixture.now_ns, Some(1));
-    fixture.device.mirror = [0.7; JOINTS_MAX];
-    fixture.exchange();
-    assert_eq!(fixture.last(), 0.7);
-    assert_ne!(fixture.session.state(), DeviceState::Stopping);
-}
-
-/// A driver tells a loss once per attempt to reach its device, and is silent between them.
-#[test]
-fn the_reason_of_a_loss_stays_until_the_device_is_only_silent() {
-    let mut fixture = SessionFixture::new();
-    let mut reason_after = |ms: u64, lost| {
-        fixture.now_ns += ms * MS;
-        fixture.session.handle_link_error(fixture.now_ns, lost);
-        fixture.session.measurement().reason
-    };
-    assert_eq!(reason_after(100, Some(5)), 5);
-    assert_eq!(reason_after(1_000, None), 5);
-    assert_eq!(reason_after(500, Some(6)), 6);
-    assert_eq!(reason_after(1_999, None), 6);
-    assert_eq!(reason_after(1, None), reason::SILENT);
-    fixture.exchange();
-    fixture.now_ns += 100 * MS;
-    fixture.session.handle_link_error(fixture.now_ns, None);
-    assert_eq!(fixture.session.measurement().reason, reason::SILENT);
 }

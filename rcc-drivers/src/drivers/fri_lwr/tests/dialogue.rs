@@ -148,6 +148,30 @@ fn a_doubt_is_told_by_its_cause() {
     }
 }
 
+/// With other steps of time the set-points of a motion would break its limits.
+#[test]
+fn another_sample_time_is_refused_for_as_long_as_the_controller_commands() {
+    let other = |sequence, state| MeasurementDatagram {
+        measurement_period: 0.0151,
+        state,
+        ..measurement(sequence)
+    };
+    let mut session = commanding();
+    for sequence in 6..20 {
+        let datagram = other(sequence, SessionState::Command);
+        assert!(!session.accept(&datagram.encode()), "{sequence}");
+    }
+    assert_eq!(session.implausibility(), Some(Implausibility::Period));
+    // Once it has left command state, it is believed.
+    assert!(!session.accept(&other(20, SessionState::Monitor).encode()));
+    assert!(session.accept(&other(21, SessionState::Monitor).encode()));
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
+    assert_eq!(
+        (exchange.commandable, exchange.period_ns),
+        (false, 15_100_000)
+    );
+}
+
 #[test]
 fn krl_integers_are_channels_both_ways() {
     let mut measured = measurement(1);
