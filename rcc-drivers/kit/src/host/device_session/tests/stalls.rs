@@ -1,7 +1,7 @@
 //! Exchanges that a device skips, in virtual time.
 //! Test code only.
 
-use super::fixture::{A_MAX, DELAY, MS, SessionFixture, at, motion, usual};
+use super::fixture::{DELAY, MS, SessionFixture, at, motion, usual};
 use super::*;
 
 #[test]
