@@ -164,16 +164,21 @@ pub fn run(number: u16, frame: &mut Frame<'_>, operands: &[u32]) {
     }
 }
 
-/// Returns a hash of names, ports and parameters: builds with equal fingerprints agree on the meaning of kernel
-/// numbers.
+/// Version of the time laws of motions. It is to be changed with every change of a set-point of a motion, so that an incident
+/// that was recorded before is refused instead of being evaluated to other values.
+const TIME_LAWS: &str = "time laws 2";
+
+/// Returns a hash of names, ports and parameters, and of the version of time laws: builds with equal fingerprints agree on
+/// the meaning of kernel numbers and plan the same motions.
 pub fn fingerprint() -> u64 {
-    topic::hash(CATALOGUE.iter().flat_map(|entry| {
+    let entries = CATALOGUE.iter().flat_map(|entry| {
         let spec = &entry.spec;
         let ports = spec.inputs.iter().chain(spec.outputs);
         let names = ports.map(|port| port.name);
         let parameters = spec.parameters.iter().map(|parameter| parameter.name);
         [spec.name].into_iter().chain(names).chain(parameters)
-    }))
+    });
+    topic::hash(entries.chain([TIME_LAWS]))
 }
 
 #[cfg(test)]

@@ -109,9 +109,9 @@ pub enum IncidentError {
         /// Its version of the layout.
         layout: String,
     },
-    /// Plans for another catalogue of primitives.
+    /// Plans for another catalogue of primitives or other time laws.
     #[error(
-        "its nets use another catalogue of primitives ({theirs}; this build has {ours}): replay it with the build that wrote it, {build}"
+        "its nets use another catalogue of primitives or other time laws ({theirs}; this build has {ours}): replay it with the build that wrote it, {build}"
     )]
     OtherCatalogue {
         /// Fingerprint in the file.

@@ -17,6 +17,7 @@ use rcc_core::primitives;
 use rcc_protocol::control::{InputValue, Refusal};
 use rcc_protocol::rehearsal::{
     LegPosition, LimitPeak, PredictedViolation, RehearsalEnd, RehearsalReport, ShortenedBlend,
+    SlowMotion,
 };
 
 use crate::net::{Evaluation, Net};
@@ -62,6 +63,7 @@ pub fn rehearse(
     }
     let started = Instant::now();
     let (shortened, most_shortened) = shortened(net);
+    let slowest = slowest(net);
     let virtual_devices = VirtualDevices::new(arms, scene);
     let mut result = match virtual_devices {
         Some(mut virtual_devices) => {
@@ -77,6 +79,7 @@ pub fn rehearse(
     };
     if let Ok(rehearsed) = &mut result {
         (rehearsed.shortened, rehearsed.most_shortened) = (shortened, most_shortened);
+        rehearsed.slowest = slowest;
         rehearsed.took_ns = started.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
     }
     result.map(Some).map_err(Refusal::Foreseen)
@@ -100,6 +103,21 @@ fn shortened(net: &Net) -> (u32, Option<ShortenedBlend>) {
     })
 }
 
+/// The motion that takes most time more than its limits require.
+fn slowest(net: &Net) -> Option<SlowMotion> {
+    let slow = net.motions().slow().map(|(motion, slow)| SlowMotion {
+        motion: motion as u32,
+        leg: slow.leg,
+        fraction: slow.fraction,
+        quantity: slow.quantity,
+        order: slow.order,
+        takes_s: slow.takes_s,
+        possible_s: slow.possible_s,
+    });
+    let loses = |slow: &SlowMotion| slow.takes_s - slow.possible_s;
+    slow.max_by(|a, b| loses(a).total_cmp(&loses(b)))
+}
+
 fn elsewhere_report() -> RehearsalReport {
     RehearsalReport {
         time_s: 0.0,
@@ -110,6 +128,7 @@ fn elsewhere_report() -> RehearsalReport {
         singularity: f64::NAN,
         shortened: 0,
         most_shortened: None,
+        slowest: None,
         uncommanded: 0,
         took_ns: 0,
     }
@@ -238,6 +257,7 @@ impl VirtualDevices {
                     .map_or(f64::NAN, |near| near.distance),
                 shortened: 0,
                 most_shortened: None,
+                slowest: None,
                 uncommanded: self
                     .monitors
                     .iter()

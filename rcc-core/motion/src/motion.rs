@@ -9,9 +9,9 @@ use rcc_core::path::{
 use crate::after_until::{LineFromRest, RestPoint};
 use crate::goal;
 use crate::path_clock::{CLOCK_WORDS, PathBounds, PathClock};
-use crate::planned_path::speed_limits::BrakingLimits;
-use crate::planned_path::{MotionSection, PathPoint, PlannedPath, ReducedBlend};
+use crate::planned_path::{MotionSection, PathPoint, PlannedPath, ReducedBlend, SlowSection};
 
+mod braking;
 mod builder;
 
 pub use builder::MotionSetBuilder;
@@ -283,39 +283,6 @@ impl Motion {
         Some(state)
     }
 
-    /// Stops on a section with a time law by counting the path parameter directly, as soon as the state satisfies a set
-    /// of braking limits: the time law alone would keep accelerating while its time is slowed down.
-    fn brake(&mut self) -> Option<(PathState, PathPoint)> {
-        let MotionSection { begin, stops, .. } = self.sections.get(self.section)?;
-        let (begin, stops) = (*begin, stops.as_ref()?);
-        let begin_s = self.planned_path.section_begin_s(begin);
-        if self.braking.is_none() {
-            let now = self.clock.last();
-            let rates = [now.velocity, now.acceleration];
-            let mut path_state = self.planned_path.path_state_at(begin + now.s, rates);
-            path_state.position -= begin_s;
-            let mut candidates = stops.iter();
-            let allows = |stop: &BrakingLimits| {
-                stop.begins_at(path_state.position) && stop.bounds.allows_stop(path_state)
-            };
-            let stop = candidates.position(allows).filter(|_| !now.done)?;
-            let clock_value = begin + now.s;
-            self.braking = Some(Braking { clock_value, stop });
-            self.clock = PathClock::moving(path_state);
-        }
-        let Braking { clock_value, stop } = self.braking?;
-        let path_state = self
-            .clock
-            .step(&stops.get(stop)?.bounds, SpeedOverride::STOP);
-        let s = begin_s + path_state.s;
-        let path = PathState {
-            // Inverting the time law and evaluating it again is not exact.
-            s: self.planned_path.clock_value_at(begin, s).max(clock_value),
-            ..path_state
-        };
-        Some((path, self.planned_path.at_path_parameter(s)))
-    }
-
     /// Restores the progress of the legs, and the line that is made from the point where it begins.
     fn restore_legs(&mut self, word: u64, detour_m: f64, line: &[u64; LineFromRest::WORDS]) {
         let (progress, on_line) = LegProgress::of(word, detour_m);
@@ -374,6 +341,15 @@ impl MotionSet {
         motions.flat_map(|(index, motion)| {
             let shortened = motion.planned_path.shortened().iter();
             shortened.map(move |shortened| (index, *shortened))
+        })
+    }
+
+    /// The sections that take much longer than their limits require, each with the index of its motion.
+    pub fn slow(&self) -> impl Iterator<Item = (usize, SlowSection)> {
+        let motions = self.0.iter().enumerate();
+        motions.flat_map(|(index, motion)| {
+            let slow = motion.planned_path.slow().iter();
+            slow.map(move |slow| (index, *slow))
         })
     }
 

@@ -339,27 +339,6 @@ pub(crate) fn peak(bounds: &PathBounds) -> f64 {
     corners.map(|corner| corner.velocity).fold(0.0, f64::max)
 }
 
-/// Most cycles for which a rolling clock is simulated: a quarter of an hour at 1 kHz.
-const ROLLING_MAX: usize = 1_000_000;
-
-/// Time in which a clock that starts at speed ([`PathClock::start_rolling`]) passes `end` with an override of 1, s;
-/// infinite if it does not within [`ROLLING_MAX`] cycles: a path that crawls past a singular position may take days.
-pub(crate) fn rolling_duration_s(bounds: &PathBounds, end: f64) -> f64 {
-    let mut clock = PathClock::new();
-    clock.start_rolling(bounds, SpeedOverride::RUN);
-    let mut time_s = 0.0;
-    for _ in 0..ROLLING_MAX {
-        if clock.step(bounds, SpeedOverride::RUN).s >= end {
-            return time_s;
-        }
-        time_s += bounds.dt_s();
-        if clock.last.done {
-            break;
-        }
-    }
-    f64::INFINITY
-}
-
 /// Duration of the fastest stop from `velocity` and `acceleration` under the acceleration and jerk limits of `limits`,
 /// s. A clock that is told to stop is at rest after this time, rounded up to a cycle. NaN in, NaN out.
 #[must_use]

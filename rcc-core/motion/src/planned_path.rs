@@ -28,12 +28,14 @@ mod leg_shape;
 mod path_builder;
 mod piece_samples;
 mod sampled_path;
+mod slow_section;
 pub(crate) mod speed_limits;
 mod time_law;
 mod time_optimal;
 
 pub(crate) use leg_shape::metric;
 pub(crate) use path_builder::build;
+pub use slow_section::SlowSection;
 
 /// Steps per piece at which a path is first sampled when its motion is built.
 const STEPS: usize = 128;
@@ -109,8 +111,8 @@ pub(crate) struct MotionSection {
     /// Limits of its clock.
     pub(crate) bounds: PathBounds,
     /// Only for a section with a time law, which is at rest at both ends by itself, so that its clock starts and ends
-    /// at speed: limits for stops that count the path parameter directly.
-    pub(crate) stops: Option<Box<[BrakingLimits]>>,
+    /// at speed.
+    pub(crate) stops: Option<LawStops>,
     /// Indices of its first and its last leg.
     pub(crate) legs: [u32; 2],
     /// Index of the condition before which it does not begin.
@@ -119,6 +121,32 @@ pub(crate) struct MotionSection {
     pub(crate) until: Option<u32>,
     /// If `until` may end the section before: how its leg is travelled from there.
     pub(crate) after_until: Option<Box<LegAfterUntil>>,
+}
+
+/// Limits for stops on a section with a time law, by clocks that count the path parameter directly.
+#[derive(Debug, Clone)]
+pub(crate) struct LawStops {
+    /// For any state of which a set of limits allows a stop, those with the hardest braking first.
+    pub(crate) anywhere: Box<[BrakingLimits]>,
+    /// For the states of the law, followed at full speed, at certain times, in their order.
+    pub(crate) on_law: Box<[BrakingLimits]>,
+}
+
+impl LawStops {
+    /// Limits by index: `anywhere`, then `on_law`.
+    pub(crate) fn get(&self, index: usize) -> Option<&BrakingLimits> {
+        let behind = index.checked_sub(self.anywhere.len());
+        match behind {
+            None => self.anywhere.get(index),
+            Some(behind) => self.on_law.get(behind),
+        }
+    }
+
+    /// The first limits for a state of the law that is not before `s`, and their index in `on_law`.
+    pub(crate) fn next_on_law(&self, s: f64) -> Option<(usize, &BrakingLimits)> {
+        let number = self.on_law.partition_point(|stop| stop.is_before(s));
+        Some((number, self.on_law.get(number)?))
+    }
 }
 
 /// How a section maps clock values to the path parameter s: directly, or through a time law.
@@ -159,6 +187,7 @@ pub(crate) struct PlannedPath {
     /// Empty if all clocks count s directly.
     timed_sections: Box<[TimedSection]>,
     shortened: Box<[ReducedBlend]>,
+    slow: Box<[SlowSection]>,
 }
 
 /// A blend that is smaller than requested.
@@ -176,6 +205,11 @@ impl PlannedPath {
     /// The blends that are smaller than requested.
     pub(crate) fn shortened(&self) -> &[ReducedBlend] {
         &self.shortened
+    }
+
+    /// The sections that take much longer than their limits require.
+    pub(crate) fn slow(&self) -> &[SlowSection] {
+        &self.slow
     }
 
     /// Path parameter s with its first two derivatives by the clock, at clock value `x`.

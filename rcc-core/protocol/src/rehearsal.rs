@@ -1,5 +1,6 @@
 //! Result of the rehearsal of a net, part of the executor's answer to LOAD and START. Plain data between processes.
 
+use rcc_core::path::Quantity;
 use serde::{Deserialize, Serialize};
 
 /// Summary of a rehearsal in which the net broke no limit.
@@ -21,6 +22,8 @@ pub struct RehearsalReport {
     pub shortened: u32,
     /// The blend with the largest shortfall, if any.
     pub most_shortened: Option<ShortenedBlend>,
+    /// The motion that takes most time more than its limits require, if any takes much more.
+    pub slowest: Option<SlowMotion>,
     /// Bit i: the net commands joints of device i, and gave it no set-point in any cycle.
     pub uncommanded: u64,
     /// Duration of the rehearsal, ns.
@@ -38,6 +41,25 @@ pub struct ShortenedBlend {
     pub asked_m: f64,
     /// Actual blend distance, m; 0: the motion stops at the corner.
     pub made_m: f64,
+}
+
+/// An even motion that takes much longer between two rests than its path and its limits require.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SlowMotion {
+    /// Index of the motion in its net.
+    pub motion: u32,
+    /// Index of the leg with the place that slows it down, from 0.
+    pub leg: u32,
+    /// Position of that place on the leg, 0 to 1.
+    pub fraction: f64,
+    /// The quantity that is at its limit there.
+    pub quantity: Quantity,
+    /// Order of the limit: 1 velocity, 2 acceleration, 3 jerk.
+    pub order: u8,
+    /// Time between the rests, s.
+    pub takes_s: f64,
+    /// A time that the same limits allow, s.
+    pub possible_s: f64,
 }
 
 /// How a rehearsal ended.

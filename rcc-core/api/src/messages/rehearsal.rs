@@ -3,6 +3,7 @@
 
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
+use rcc_core::path::Quantity;
 use rcc_language::names::Names;
 use rcc_protocol::ending::why_at_once;
 use rcc_protocol::rehearsal::{
@@ -46,13 +47,37 @@ impl NameResolver<'_> {
             singularity: Some(rehearsed.singularity).filter(|distance| distance.is_finite()),
             outcome: net.outcome(rehearsed.outcome).map(str::to_owned),
             words: format!(
-                "{}{}",
+                "{}{}{}",
                 summary(rehearsed, &peaks, net.outcome(rehearsed.outcome)),
+                self.slowest(rehearsed, net),
                 self.uncommanded(rehearsed)
             ),
             peaks,
             took_ns: rehearsed.took_ns,
         }
+    }
+
+    /// Says which motion is slow, what slows it down, where, and what would make it faster.
+    fn slowest(&self, rehearsed: &RehearsalReport, net: &Names) -> String {
+        let Some(slow) = rehearsed.slowest else {
+            return String::new();
+        };
+        let motion = net.motions.get(slow.motion as usize).cloned();
+        let motion = motion.unwrap_or_else(|| format!("motion {}", slow.motion));
+        let what = match slow.quantity {
+            Quantity::Line => "of the flange".to_owned(),
+            Quantity::Turn => "of the rotation of the flange".to_owned(),
+            Quantity::Joint(joint) => format!("of {}", self.joint_of_any(u32::from(joint) + 1)),
+        };
+        let limit = ["velocity", "acceleration", "jerk"][usize::from(slow.order.clamp(1, 3)) - 1];
+        format!(
+            "; `{motion}` takes {:.2} s where its limits allow {:.2} s, because the {limit} {what} at {:.0} % of leg {} bounds all of \
+             it: `time_optimal: true` uses what every place allows",
+            slow.takes_s,
+            slow.possible_s,
+            100.0 * slow.fraction,
+            slow.leg + 1
+        )
     }
 
     /// Names the arms that get no set-point.

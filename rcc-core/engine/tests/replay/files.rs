@@ -6,6 +6,11 @@ use super::*;
 
 /// The words of the incident file of a tape.
 fn file(stage: &Recorded, tape: &RecordedTape) -> Vec<u64> {
+    file_for(stage, tape, rcc_core::primitives::fingerprint())
+}
+
+/// The words of the incident file of a tape, with a fingerprint of the catalogue.
+fn file_for(stage: &Recorded, tape: &RecordedTape, catalogue: u64) -> Vec<u64> {
     let nets: Vec<_> = stage
         .nets
         .iter()
@@ -14,7 +19,7 @@ fn file(stage: &Recorded, tape: &RecordedTape) -> Vec<u64> {
     let head = IncidentHead {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: rcc_protocol::events::hex_digits(rcc_core::primitives::fingerprint()),
+        catalogue: rcc_protocol::events::hex_digits(catalogue),
         configuration: rcc_protocol::events::hex_digits(CONFIGURATION),
         ..IncidentHead::default()
     };
@@ -105,6 +110,21 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
         *last = sum.end();
         // An error, a difference or no effect are all right: the test is that it returns.
         let _ = replay_file(&bad);
+    }
+}
+
+#[test]
+fn a_file_of_a_build_with_other_time_laws_is_refused_with_both_fingerprints() {
+    let (stage, tape) = analog_tape();
+    let ours = rcc_core::primitives::fingerprint();
+    let error = replay_file(&file_for(&stage, &tape, ours ^ 1)).expect_err("another build's");
+    for words in [
+        "other time laws",
+        "replay it with the build that wrote it",
+        &rcc_protocol::events::hex_digits(ours),
+        &rcc_protocol::events::hex_digits(ours ^ 1),
+    ] {
+        assert!(error.contains(words), "{words}: {error}");
     }
 }
 

@@ -132,6 +132,17 @@ impl PathBounds {
         Self::new(&[piece], limits.acceleration, limits.jerk, dt_s)
     }
 
+    /// The same path with its velocities, its acceleration and its jerk multiplied by these factors (> 0).
+    pub(crate) fn scaled(&self, [velocity, acceleration, jerk]: [f64; 3]) -> Option<Self> {
+        let pieces = self.pieces.iter().map(|piece| PathPiece {
+            end_s: piece.end_s,
+            velocity: velocity * piece.velocity,
+        });
+        let pieces: Vec<_> = pieces.collect();
+        let limits = [acceleration * self.acceleration(), jerk * self.jerk()];
+        Self::new(&pieces, limits[0], limits[1], self.dt_s).ok()
+    }
+
     /// Becomes the bounds for a path with one velocity limit, without allocating; limits that [`PathBounds::of_limits`]
     /// refuses must not be given.
     pub(crate) fn become_line(&mut self, limits: &PathLimits) {
@@ -196,7 +207,7 @@ impl PathBounds {
         velocities.fold(f64::INFINITY, f64::min)
     }
 
-    pub(super) fn acceleration_limits(&self) -> AccelerationLimits {
+    pub(crate) fn acceleration_limits(&self) -> AccelerationLimits {
         self.acceleration_limits
     }
 

@@ -98,15 +98,6 @@ fn the_first_step_is_the_start_at_rest() {
 }
 
 #[test]
-fn a_rolling_clock_that_crawls_is_not_simulated_for_days() {
-    let bounds = |velocity| PathBounds::new(&pieces(&[(1.0, velocity)]), 1.0, 10.0, 1e-3).unwrap();
-    let took = rolling_duration_s(&bounds(0.5), 0.9);
-    assert!(took > 1.8 && took < 3.0, "{took}");
-    // It would take a thousand hours.
-    assert_eq!(rolling_duration_s(&bounds(2.5e-7), 0.9), f64::INFINITY);
-}
-
-#[test]
 fn a_path_without_length_is_done_at_once() {
     let nowhere = PathLimits {
         length: 0.0,

@@ -7,12 +7,12 @@ use rcc_core::path::{Leg, MotionFault, SpeedProfile};
 
 use super::leg_shape::{BlendZone, LegShape, leg_shapes};
 use super::sampled_path::SampledPath;
-use super::speed_limits::{
-    self, BrakingLimits, LimitsFault, TooFast, UNIFORM_SHARES, fastest_bounds,
-};
-use super::time_optimal::time_optimal_law;
+use super::slow_section::{REPORTED, SlowSection, limiting_place};
+use super::speed_limits::{self, BrakingLimits, LimitsFault, TooFast, fastest_bounds};
+use super::time_optimal::{possible_duration_s, time_optimal_law};
 use super::{
-    ArmStart, LegFault, MotionSection, PieceKinematics, PlannedPath, ReducedBlend, TimedSection,
+    ArmStart, LawStops, LegFault, MotionSection, PieceKinematics, PlannedPath, ReducedBlend,
+    TimedSection,
 };
 use crate::geometry::chain::{Chain, ChainLink, ChainPiece};
 use crate::path_clock::{PathBounds, PathPiece, duration_s};
@@ -54,7 +54,7 @@ pub(crate) fn build(
     let with_empty = legs
         .iter()
         .any(|leg| leg.wait.is_some() || leg.until.is_some());
-    let (sections, timed_sections) = path.sections(pace, with_empty)?;
+    let (sections, timed_sections, slow) = path.sections(pace, with_empty)?;
     let mut distance_before_m = 0.0;
     let parts = path.pieces.into_iter().map(|sampled| {
         let part = PieceKinematics {
@@ -72,6 +72,7 @@ pub(crate) fn build(
         legs: leg_shapes.iter().map(|leg_shape| leg_shape.leg).collect(),
         timed_sections,
         chain,
+        slow,
     };
     Ok((planned_path, sections))
 }
@@ -96,13 +97,17 @@ fn shortened(
     cut.collect()
 }
 
-/// The sections, and their mappings from clock values to s.
-type BuiltSections = (Box<[MotionSection]>, Box<[TimedSection]>);
+/// The sections, their mappings from clock values to s, and those that are slow.
+type BuiltSections = (
+    Box<[MotionSection]>,
+    Box<[TimedSection]>,
+    Box<[SlowSection]>,
+);
 
 impl SampledPath<'_> {
     /// Computes the clock limits of each section from rest to rest; `with_empty` keeps those of length 0.
     fn sections(&self, pace: SpeedProfile, with_empty: bool) -> Result<BuiltSections, LegFault> {
-        let (mut sections, mut timed_sections) = (Vec::new(), Vec::new());
+        let (mut sections, mut timed_sections, mut slow) = (Vec::new(), Vec::new(), Vec::new());
         let mut begin = 0.0;
         for range in self.section_ranges(with_empty) {
             let legs = self.legs_of(&range);
@@ -117,15 +122,20 @@ impl SampledPath<'_> {
                 section_parts.add(self, number, begin_s);
             }
             let bounds = section_parts.uniform_bounds(self.dt_s)?;
+            if matches!(pace, SpeedProfile::Uniform) {
+                slow.extend(section_parts.slow(self, range.clone(), &bounds));
+            }
             let timed = match pace {
                 SpeedProfile::Uniform => None,
-                SpeedProfile::TimeOptimal => {
-                    time_optimal_law(self, range.clone(), duration_s(&bounds))
-                }
+                SpeedProfile::TimeOptimal => time_optimal_law(self, range.clone(), &bounds),
             };
             let (bounds, stops, time_law) = match timed {
-                Some((time_law, timed)) => {
-                    (timed, Some(section_parts.stops(bounds)), Some(time_law))
+                Some(timed) => {
+                    let stops = LawStops {
+                        anywhere: section_parts.stops(bounds),
+                        on_law: timed.on_law,
+                    };
+                    (timed.bounds, Some(stops), Some(timed.time_law))
                 }
                 None => (bounds, None, None),
             };
@@ -159,7 +169,7 @@ impl SampledPath<'_> {
         {
             timed_sections.clear();
         }
-        Ok((sections.into(), timed_sections.into()))
+        Ok((sections.into(), timed_sections.into(), slow.into()))
     }
 
     /// Indices of the first and the last leg of a range of pieces.
@@ -242,16 +252,38 @@ impl<'a> SectionParts<'a> {
 
     fn uniform_bounds(&self, dt_s: f64) -> Result<PathBounds, LegFault> {
         let leg = self.owners.last().map_or(0, |(_, leg, _)| *leg);
-        fastest_bounds(&self.parts, &self.ends, dt_s, &UNIFORM_SHARES).map_err(|refused| {
-            match refused {
-                LimitsFault::TooFast(fast) => self.too_fast(fast),
-                LimitsFault::Clock => (leg, MotionFault::Limits),
-            }
+        fastest_bounds(&self.parts, &self.ends, dt_s).map_err(|refused| match refused {
+            LimitsFault::TooFast(fast) => self.too_fast(fast),
+            LimitsFault::Clock => (leg, MotionFault::Limits),
         })
     }
 
     fn stops(&self, uniform: PathBounds) -> Box<[BrakingLimits]> {
         speed_limits::braking_limits(&self.parts, &self.ends, uniform)
+    }
+
+    /// Why the section takes much longer than its limits require, if it does.
+    fn slow(
+        &self,
+        path: &SampledPath<'_>,
+        range: Range<usize>,
+        bounds: &PathBounds,
+    ) -> Option<SlowSection> {
+        let takes_s = duration_s(bounds);
+        let possible_s = possible_duration_s(path, range)?;
+        if possible_s >= REPORTED * takes_s {
+            return None;
+        }
+        let place = limiting_place(&self.parts, &self.ends, bounds)?;
+        let (piece, leg, [from, to]) = self.owners.get(place.part)?;
+        Some(SlowSection {
+            leg: *leg,
+            fraction: piece.of_shape(from + (to - from) * place.fraction),
+            quantity: place.quantity,
+            order: place.order,
+            takes_s,
+            possible_s,
+        })
     }
 
     fn too_fast(&self, fast: TooFast) -> LegFault {

@@ -9,6 +9,7 @@
 //! Between samples: at each sample the greatest derivative of the sample and its neighbours is taken, and a quarter of
 //! the second difference and the fraction [`MARGIN`] are added, unless the derivative is constant.
 
+use rcc_core::axis::AxisState;
 use rcc_core::path::Quantity;
 
 use crate::path_clock::{PathBounds, PathPiece, duration_s, peak};
@@ -17,7 +18,7 @@ use crate::path_clock::{PathBounds, PathPiece, duration_s, peak};
 pub(crate) const QUANTITIES: usize = 10;
 
 /// The quantity at an index of a [`DerivativeSample`].
-fn quantity(number: usize) -> Quantity {
+pub(super) fn quantity(number: usize) -> Quantity {
     match number {
         0 => Quantity::Line,
         1 => Quantity::Turn,
@@ -31,44 +32,16 @@ pub(crate) const MARGIN: f64 = 0.005;
 /// A given speed is refused if it leaves less than this fraction of the greatest acceleration along the path.
 const LEAST_ACCELERATION: f64 = 1e-3;
 
-/// How the limits are shared between their uses.
-pub(crate) struct LimitShares {
-    /// Fractions of the greatest acceleration that are tried: a high acceleration along the path costs speed in bends.
-    trials: &'static [f64],
-    /// Fraction of the jerk limit for a bend that is passed at full speed.
-    for_bends: f64,
-    /// Fraction of the jerk limit for changing the speed in a bend; the rest is for changing the acceleration.
-    for_speed: f64,
-    /// The clock does not stop at the end but passes it: the path is extended by the distance of a stop.
-    run_out: bool,
-}
-
-/// For a path on which the clock does all the acceleration.
-pub(crate) const UNIFORM_SHARES: LimitShares = LimitShares {
-    trials: &[
-        1.0, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
-    ],
-    for_bends: 0.4,
-    for_speed: 0.3,
-    run_out: false,
-};
-
-/// For a time law that accelerates by itself with a fraction of the acceleration limits (first element): its clock only
-/// changes the speed and stops, with what is left.
-pub(crate) const TIME_LAW_SHARES: [(f64, LimitShares); 3] = [
-    (0.55, time_law_shares(&[0.38])),
-    (0.7, time_law_shares(&[0.25])),
-    (0.82, time_law_shares(&[0.15])),
+/// Fractions of the greatest acceleration that are tried: a high acceleration along the path costs speed in bends.
+const TRIALS: [f64; 13] = [
+    1.0, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
 ];
 
-const fn time_law_shares(trials: &'static [f64]) -> LimitShares {
-    LimitShares {
-        trials,
-        for_bends: 0.65,
-        for_speed: 0.2,
-        run_out: true,
-    }
-}
+/// Fraction of the jerk limit for a bend that is passed at full speed.
+const BEND_JERK: f64 = 0.4;
+
+/// Fraction of the jerk limit for changing the speed in a bend; the rest is for changing the acceleration.
+const SPEED_JERK: f64 = 0.3;
 
 /// |y'|, |y''|, |y'''| of every quantity at one path position.
 pub(crate) type DerivativeSample = [[f64; 3]; QUANTITIES];
@@ -162,16 +135,16 @@ pub(crate) fn widen(samples: &[DerivativeSample]) -> Vec<DerivativeSample> {
     (0..samples.len()).map(wide).collect()
 }
 
-/// The greatest speed at which the path may accelerate by `acceleration`, with these shares of the jerk limit.
-fn max_speed(part: &SampledPart, acceleration: f64, shares: &LimitShares) -> f64 {
+/// The greatest speed at which the path may accelerate by `acceleration`, with the shares of the jerk limit.
+fn max_speed(part: &SampledPart, acceleration: f64) -> f64 {
     let mut lowest = f64::INFINITY;
     for ([first, second, third], [v, a, j]) in part.all() {
         let left = (a - first * acceleration).max(0.0);
         for limit in [
             v / first,
             libm::sqrt(left / second),
-            libm::cbrt(shares.for_bends * j / third),
-            shares.for_speed * j / (3.0 * second * acceleration),
+            libm::cbrt(BEND_JERK * j / third),
+            SPEED_JERK * j / (3.0 * second * acceleration),
         ] {
             lowest = least(lowest, limit);
         }
@@ -203,14 +176,13 @@ pub(crate) fn fastest_bounds(
     parts: &[SampledPart],
     ends: &[f64],
     dt_s: f64,
-    shares: &LimitShares,
 ) -> Result<PathBounds, LimitsFault> {
     let greatest = max_acceleration(parts);
     let mut best: Option<(f64, PathBounds)> = None;
     let mut too_fast = false;
-    for acceleration in shares.trials.iter().map(|trial| trial * greatest) {
+    for acceleration in TRIALS.iter().map(|trial| trial * greatest) {
         let velocities = parts.iter().map(|part| {
-            let possible = max_speed(part, acceleration, shares);
+            let possible = max_speed(part, acceleration);
             let kept = !part.given || possible >= given_speed(part) * (1.0 - 1e-9);
             kept.then_some(possible)
         });
@@ -218,8 +190,7 @@ pub(crate) fn fastest_bounds(
             too_fast = true;
             continue;
         };
-        let Some(bounds) = path_bounds((parts, ends), &velocities, acceleration, dt_s, shares)
-        else {
+        let Some(bounds) = path_bounds((parts, ends), &velocities, acceleration, dt_s) else {
             continue;
         };
         let time = duration_s(&bounds);
@@ -229,10 +200,10 @@ pub(crate) fn fastest_bounds(
     }
     let bounds = match best {
         Some((_, bounds)) => bounds,
-        None if too_fast => bounds_for_given_speeds((parts, ends), greatest, dt_s, shares)?,
+        None if too_fast => bounds_for_given_speeds((parts, ends), greatest, dt_s)?,
         None => return Err(LimitsFault::Clock),
     };
-    Ok(shorter_with_lower_speed((parts, ends), &bounds, shares).unwrap_or(bounds))
+    Ok(shorter_with_lower_speed((parts, ends), &bounds).unwrap_or(bounds))
 }
 
 /// Factor between the lower speeds that are tried where a given speed is not reached.
@@ -244,7 +215,6 @@ const LOWER_MAX: usize = 16;
 fn shorter_with_lower_speed(
     (parts, ends): (&[SampledPart], &[f64]),
     bounds: &PathBounds,
-    shares: &LimitShares,
 ) -> Option<PathBounds> {
     let [part] = parts else { return None };
     let top = peak(bounds);
@@ -265,7 +235,7 @@ fn shorter_with_lower_speed(
         .take(LOWER_MAX)
         .take_while(|times| times * wanted > 0.5 * top);
     let tried = times.filter_map(|times| {
-        let bounds = fastest_bounds(&[lower(times)], ends, bounds.dt_s(), shares).ok()?;
+        let bounds = fastest_bounds(&[lower(times)], ends, bounds.dt_s()).ok()?;
         Some((duration_s(&bounds), bounds))
     });
     let (time, free) = tried.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
@@ -278,7 +248,6 @@ fn bounds_for_given_speeds(
     (parts, ends): (&[SampledPart], &[f64]),
     greatest: f64,
     dt_s: f64,
-    shares: &LimitShares,
 ) -> Result<PathBounds, LimitsFault> {
     let enough = |margin: &SpeedMargin| margin.acceleration >= LEAST_ACCELERATION * greatest;
     let margin = SpeedMargin::at(parts, 1.0);
@@ -286,10 +255,10 @@ fn bounds_for_given_speeds(
         let acceleration = least(greatest, margin.acceleration);
         let velocities = parts.iter().map(|part| match part.given {
             true => given_speed(part),
-            false => max_speed(part, acceleration, shares),
+            false => max_speed(part, acceleration),
         });
         let velocities: Vec<f64> = velocities.collect();
-        let bounds = path_bounds((parts, ends), &velocities, acceleration, dt_s, shares);
+        let bounds = path_bounds((parts, ends), &velocities, acceleration, dt_s);
         return bounds.ok_or(LimitsFault::Clock);
     }
     let (mut possible, mut refused) = (0.0, 1.0);
@@ -318,6 +287,30 @@ pub(crate) struct BrakingLimits {
 }
 
 impl BrakingLimits {
+    /// Limits for a stop that begins at `s`, give or take `tolerance`.
+    pub(super) fn at(s: f64, tolerance: f64, bounds: PathBounds) -> Self {
+        Self {
+            from: s - tolerance,
+            until: s + tolerance,
+            bounds,
+        }
+    }
+
+    /// Where the stop begins, s; the middle if it may begin on a part of the path.
+    pub(crate) fn begin(&self) -> f64 {
+        0.5 * (self.from + self.until)
+    }
+
+    /// Returns true if the stop begins before `s`.
+    pub(crate) fn is_before(&self, s: f64) -> bool {
+        self.until < s
+    }
+
+    /// Duration of a stop from a state, s.
+    pub(crate) fn stop_duration_s(&self, state: AxisState) -> f64 {
+        self.bounds.acceleration_limits().stop(state).duration_s()
+    }
+
     /// Returns true if a stop with these limits may begin at `s`.
     pub(crate) fn begins_at(&self, s: f64) -> bool {
         self.from <= s && s <= self.until
@@ -349,15 +342,9 @@ pub(crate) fn braking_limits(
             let greatest = max_acceleration(near);
             for acceleration in STOP_ACCELERATIONS.map(|trial| trial * greatest) {
                 let velocities: Vec<f64> = (near.iter())
-                    .map(|part| max_speed(part, acceleration, &UNIFORM_SHARES))
+                    .map(|part| max_speed(part, acceleration))
                     .collect();
-                let bounds = path_bounds(
-                    (near, ends),
-                    &velocities,
-                    acceleration,
-                    dt_s,
-                    &UNIFORM_SHARES,
-                );
+                let bounds = path_bounds((near, ends), &velocities, acceleration, dt_s);
                 stops.extend(bounds.map(|bounds| BrakingLimits {
                     from,
                     until: *until,
@@ -459,7 +446,6 @@ fn path_bounds(
     velocities: &[f64],
     acceleration: f64,
     dt_s: f64,
-    shares: &LimitShares,
 ) -> Option<PathBounds> {
     let (mut pieces, mut jerk) = (Vec::new(), f64::INFINITY);
     for ((part, end), v) in parts.iter().zip(ends).zip(velocities) {
@@ -471,12 +457,6 @@ fn path_bounds(
             end_s: *end,
             velocity: *v,
         });
-    }
-    if let Some(last) = pieces.last_mut().filter(|_| shares.run_out) {
-        // The longest distance of a stop, and one cycle.
-        let v = last.velocity;
-        let build_up = (acceleration / jerk).max(libm::sqrt(v / jerk));
-        last.end_s += v * (v / (2.0 * acceleration) + 1.5 * build_up + 2.0 * dt_s);
     }
     PathBounds::new(&pieces, acceleration, jerk, dt_s).ok()
 }

@@ -1,169 +1,307 @@
-//! The time-optimal time law of a path from rest to rest under velocity and acceleration limits, smoothed to bounded
+//! The time law with which a path is travelled soonest, from rest to rest, under limits of velocity, acceleration and
 //! jerk. Used when a motion is built; allocates.
 //!
-//! Pham, Pham: "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE T-RO 34(3),
-//! 2018 (TOPP-RA). With x = s'² and u = s'' all limits are linear. Backward pass: the greatest x from which the end can
-//! still be reached; forward pass: the greatest u that stays below it. Both are linear programs in two variables,
-//! solved directly.
-//!
-//! The result jumps between accelerations. Its moving average over a short window has bounded jerk; a shorter window
-//! ends sooner but leaves less of the jerk limit. The smoothed law is sampled, and slowed down by its clock where it
-//! exceeds a limit, so keeping the limits does not depend on its quality.
+//! A profile without jerk limits ([`topp_ra`]), smoothed over a window, is the first law; an interior-point method
+//! ([`barrier`]) improves it. Both work with samples of the path. The result is then sampled closely and made slower as a
+//! whole until it keeps every limit with a margin, so keeping the limits does not depend on the method.
 
 use core::ops::Range;
 
+use rcc_core::path::SpeedOverride;
+
 use super::sampled_path::{SampledPath, SampledPiece};
-use super::speed_limits::{
-    DerivativeSample, LimitShares, QUANTITIES, QuantityLimits, SampledPart, TIME_LAW_SHARES,
-    fastest_bounds, widen,
-};
+use super::speed_limits::{BrakingLimits, DerivativeSample, MARGIN, QUANTITIES};
 use super::time_law::{TimeLaw, TimeLawKnot};
 use crate::geometry::chain::ChainPiece;
 use crate::geometry::jet::{Jet, JetScalar};
-use crate::path_clock::{PathBounds, rolling_duration_s};
+use crate::path_clock::{PathBounds, PathClock, PathPiece, duration_s};
+use barrier::Barrier;
+use law_spline::{LawSpline, basis};
+use limited_values::ClockReserve;
+use section_table::SectionTable;
+use topp_ra::{AccelerationProfile, constraints};
 
-/// Fraction of the velocity limits; where the smoothed law is faster, the clock slows it down.
-const VELOCITY: f64 = 0.98;
+mod banded;
+mod barrier;
+mod law_spline;
+mod law_stops;
+mod limited_values;
+mod local_model;
+mod section_table;
+mod topp_ra;
 
-/// Fraction of the jerk limit for passing a bend at constant speed.
-const BEND_JERK: f64 = 0.45;
+/// Windows over which the first law is smoothed, in units of the shortest time in which an acceleration builds up.
+const WINDOWS: [f64; 3] = [1.0, 2.0, 4.0];
 
-/// Windows that are tried, relative to the one that uses [`WINDOW_JERK`] of the jerk limit.
-const WINDOWS: [f64; 3] = [0.4, 0.7, 1.1];
+/// Intervals of the spline in the shortest time in which an acceleration builds up, and their least and greatest number.
+const INTERVALS: f64 = 8.0;
+const INTERVALS_MIN: f64 = 32.0;
+const INTERVALS_MAX: f64 = 480.0;
 
-/// Fraction of the jerk limit for changing from one acceleration to the opposite one within a window.
-const WINDOW_JERK: f64 = 0.65;
+/// Most times that the first law is stretched where it is too fast.
+const EVENED: usize = 8;
 
-/// Knots of a time law per window, and their greatest number in total.
-const KNOTS: f64 = 8.0;
-const KNOTS_MAX: f64 = 2048.0;
+/// The first spline has this fraction of the intervals.
+const COARSE: usize = 2;
+
+/// Fractions of the limits of acceleration and jerk that are reserved for the clock where the first law is fastest.
+const RESERVED: [f64; 2] = [0.15, 0.15];
+
+/// Fraction by which a law is slower than its limits allow, because of rounding.
+const ROUNDING: f64 = 1e-6;
 
 /// Number of parts in which a curve of a time law is sampled: least and greatest.
 const PARTS: f64 = 4.0;
 const PARTS_MAX: f64 = 512.0;
 
-/// Parts of a piece that may have separate velocity limits.
-const SPLIT: usize = 8;
-
-/// Constraints on x and u at one path position.
-struct PathConstraints {
-    s: f64,
-    /// The greatest x with |y'|v ≤ velocity limit.
-    fastest: f64,
-    /// Rows a·u + b·x ≤ c.
-    rows: Vec<[f64; 3]>,
+/// A time law with the limits of its clock.
+pub(super) struct TimeOptimal {
+    pub(super) time_law: TimeLaw,
+    pub(super) bounds: PathBounds,
+    /// Limits for stops at certain times of the law.
+    pub(super) on_law: Box<[BrakingLimits]>,
 }
 
-/// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `uniform_s`
-/// (s).
+/// The time law with the shortest duration, which leaves a reserve for its clock; `None` if it is not faster than the even motion with the bounds `uniform`.
 pub(super) fn time_optimal_law(
     path: &SampledPath<'_>,
     range: Range<usize>,
-    uniform_s: f64,
-) -> Option<(TimeLaw, PathBounds)> {
-    let mut best: Option<(f64, TimeLaw, PathBounds)> = None;
-    let window_s = WINDOW_JERK.recip() * ramp_time_s(path, range.clone())?;
-    for (part, shares) in &TIME_LAW_SHARES {
-        let constraints = constraints(path, range.clone(), *part);
-        let Some(profile) = AccelerationProfile::new(&constraints) else {
+    uniform: &PathBounds,
+) -> Option<TimeOptimal> {
+    let table = SectionTable::new(path, range.clone())?;
+    let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
+    let even = EvenLaw::new(uniform);
+    let first = first_law(&table, &profile, even.as_ref())?;
+    let reserve = reserve(path, range.clone(), &time_law(&first, 1.0)?);
+    let intervals = COARSE * first.law.intervals();
+    let mut barrier = Barrier::new(&table, reserve, first.law.clone())?;
+    if barrier.improve(intervals).is_none() {
+        // The first law keeps the limits, too.
+        barrier = Barrier::new(&table, reserve, first.law)?;
+    }
+    let speed = speed(path, range.clone(), &time_law(&barrier, 1.0)?, reserve);
+    let time_law = time_law(&barrier, speed)?;
+    let clock = reserve.at_speed(speed);
+    let bounds = clock_bounds(time_law.duration(), clock, path.dt_s)?;
+    (time_law.duration() < duration_s(uniform)).then(|| TimeOptimal {
+        on_law: law_stops::law_stops(path, range, &time_law),
+        time_law,
+        bounds,
+    })
+}
+
+/// A duration with which the path can be travelled within its limits, with nothing reserved, s: not the shortest one, but
+/// found quickly.
+pub(super) fn possible_duration_s(path: &SampledPath<'_>, range: Range<usize>) -> Option<f64> {
+    let table = SectionTable::new(path, range.clone())?;
+    let profile = AccelerationProfile::new(&constraints(path, range))?;
+    first_law(&table, &profile, None).map(|law| law.duration_s())
+}
+
+/// The soonest of the smoothed profiles and the even motion.
+fn first_law<'a>(
+    table: &'a SectionTable<'a>,
+    profile: &AccelerationProfile,
+    even: Option<&EvenLaw>,
+) -> Option<Barrier<'a>> {
+    let ramp_s = table.ramp_s().min(profile.duration_s());
+    let intervals = (INTERVALS * profile.duration_s() / ramp_s).ceil();
+    let intervals = intervals.clamp(INTERVALS_MIN, INTERVALS_MAX) as usize / COARSE;
+    let smoothed = WINDOWS.iter().map(|window| {
+        let window_s = (window * ramp_s).min(profile.duration_s());
+        LawSpline::near(intervals, |u| profile.averaged(window_s, u))
+    });
+    let [begin, _] = table.ends();
+    let even = even.map(|even| LawSpline::near(intervals, |u| begin + even.at(u)));
+    let laws = smoothed.chain(even);
+    let begun = laws.filter_map(|law| Barrier::new(table, ClockReserve::default(), law));
+    let sooner = |a: &Barrier<'_>, b: &Barrier<'_>| a.duration_s().total_cmp(&b.duration_s());
+    let mut best = begun.min_by(sooner)?;
+    for _ in 0..EVENED {
+        match best.evened() {
+            Some(evened) if evened.duration_s() < best.duration_s() => best = evened,
+            _ => break,
+        }
+    }
+    Some(best)
+}
+
+/// The even motion: the path parameter in every cycle.
+struct EvenLaw(Vec<f64>);
+
+impl EvenLaw {
+    /// `None` for a motion that takes very long.
+    fn new(bounds: &PathBounds) -> Option<Self> {
+        const CYCLES_MAX: usize = 100_000;
+        let mut clock = PathClock::new();
+        let mut positions = Vec::new();
+        while positions.len() < CYCLES_MAX {
+            let state = clock.step(bounds, SpeedOverride::RUN);
+            positions.push(state.s);
+            if state.done {
+                return Some(Self(positions));
+            }
+        }
+        None
+    }
+
+    /// Path parameter at the fraction `u` of the duration.
+    fn at(&self, u: f64) -> f64 {
+        let last = self.0.len().saturating_sub(1);
+        let place = u.clamp(0.0, 1.0) * last as f64;
+        let number = (place as usize).min(last);
+        let [here, behind] = [number, (number + 1).min(last)].map(|number| self.0[number]);
+        here + (behind - here) * (place - number as f64)
+    }
+}
+
+/// The law as a function of time, at `speed` times its speed.
+fn time_law(barrier: &Barrier<'_>, speed: f64) -> Option<TimeLaw> {
+    let law = &barrier.law;
+    let intervals = law.intervals();
+    let duration_s = barrier.duration_s() / speed;
+    let (begin, end) = (
+        basis(0.0, 1.0 / intervals as f64),
+        basis(1.0, 1.0 / intervals as f64),
+    );
+    let knot = |number: usize| -> TimeLawKnot {
+        let [s, v, a, _] = match number.checked_sub(1) {
+            None => law.at(0, &begin),
+            Some(before) => law.at(before, &end),
+        };
+        [s, v / duration_s, a / (duration_s * duration_s)]
+    };
+    let mut knots: Vec<TimeLawKnot> = (0..=intervals).map(knot).collect();
+    // Exactly at rest at both ends.
+    *knots.first_mut()? = [*law.coefficients.first()?, 0.0, 0.0];
+    *knots.last_mut()? = [*law.coefficients.last()?, 0.0, 0.0];
+    TimeLaw::new(&knots, duration_s / intervals as f64)
+}
+
+/// Clock limits that use these parts of the limits where a quantity is fastest on this law.
+fn reserve(path: &SampledPath<'_>, range: Range<usize>, law: &TimeLaw) -> ClockReserve {
+    let mut reserve = ClockReserve {
+        acceleration: f64::INFINITY,
+        jerk: f64::INFINITY,
+    };
+    let nothing = ClockReserve::default();
+    each_bound(path, range, (law, nothing), |[velocity, ..], limits| {
+        let [acceleration, jerk] =
+            [1, 2].map(|order| RESERVED[order - 1] * limits[order] / velocity);
+        reserve.acceleration = least(reserve.acceleration, acceleration);
+        reserve.jerk = least(reserve.jerk, jerk);
+    });
+    reserve
+}
+
+/// The greatest speed, relative to that of the law, at which all limits are kept, including what the clock may use.
+fn speed(path: &SampledPath<'_>, range: Range<usize>, law: &TimeLaw, reserve: ClockReserve) -> f64 {
+    let mut speed = f64::INFINITY;
+    each_bound(
+        path,
+        range,
+        (law, reserve),
+        |[first, second, third], [v, a, j]| {
+            for possible in [v / first, libm::sqrt(a / second), libm::cbrt(j / third)] {
+                speed = least(speed, possible);
+            }
+        },
+    );
+    speed * (1.0 - ROUNDING)
+}
+
+/// The lesser of two values; a NaN counts as no limit.
+fn least(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
+/// Limits of a clock that runs at speed 1 from the beginning to the end of a law and may slow down and stop within the
+/// reserve.
+fn clock_bounds(duration_s: f64, reserve: ClockReserve, dt_s: f64) -> Option<PathBounds> {
+    let ClockReserve { acceleration, jerk } = reserve;
+    // The clock does not stop at the end but passes it: the longest distance of a stop, and two cycles.
+    let build_up = (acceleration / jerk).max(libm::sqrt(1.0 / jerk));
+    let stop = 0.5 / acceleration + 1.5 * build_up + 2.0 * dt_s;
+    let piece = PathPiece {
+        end_s: duration_s + stop,
+        velocity: 1.0,
+    };
+    PathBounds::new(&[piece], acceleration, jerk, dt_s).ok()
+}
+
+/// Calls `each` with the bounds of velocity, acceleration and jerk of every limited quantity on every curve of a law
+/// within every piece, including what its clock may add, and with its limits.
+fn each_bound(
+    path: &SampledPath<'_>,
+    range: Range<usize>,
+    (law, reserve): (&TimeLaw, ClockReserve),
+    mut each: impl FnMut([f64; 3], [f64; 3]),
+) {
+    let (step_s, count) = law.curves();
+    let mut samples = Vec::new();
+    for number in range.filter(|number| path.has_length(*number)) {
+        let (Some(piece), Some(sampled)) =
+            (path.chain.pieces().get(number), path.pieces.get(number))
+        else {
             continue;
         };
-        for window in WINDOWS {
-            let window_s = (window * 2.0 * part * window_s).min(profile.duration_s());
-            let smoothed_law = smoothed_law(path, range.clone(), (&profile, shares), window_s);
-            let Some((time_law, bounds)) = smoothed_law else {
-                continue;
-            };
-            let time_s = rolling_duration_s(&bounds, time_law.duration());
-            let least = best.as_ref().map_or(uniform_s, |(least, ..)| *least);
-            if time_s < least {
-                best = Some((time_s, time_law, bounds));
+        let span = [piece.begin, piece.end].map(|s| law.inverse(s) / step_s);
+        for curve in span[0] as usize..(span[1].ceil() as usize).min(count) {
+            let part = span.map(|place| (place - curve as f64).clamp(0.0, 1.0) * step_s);
+            samples.clear();
+            on_curve(law, curve, part, (piece, sampled), &mut samples);
+            for [first, second, third] in samples.iter_mut().flatten() {
+                let ClockReserve { acceleration, jerk } = reserve;
+                *third += 3.0 * acceleration * *second + jerk * *first;
+                *second += acceleration * *first;
+            }
+            let bounds = curve_bounds(&samples);
+            for (values, limits) in bounds.iter().zip(&sampled.bounds) {
+                if limits.iter().any(|limit| limit.is_finite()) {
+                    each(*values, *limits);
+                }
             }
         }
     }
-    best.map(|(_, time_law, bounds)| (time_law, bounds))
 }
 
-/// The longest time in which a limited quantity builds up its greatest acceleration, s.
-fn ramp_time_s(path: &SampledPath<'_>, range: Range<usize>) -> Option<f64> {
-    let sampled = path.pieces.get(range)?;
-    let rows = sampled.iter().flat_map(|sampled| &sampled.bounds);
-    let times = rows
-        .filter(|[_, a, _]| a.is_finite())
-        .map(|[_, a, j]| a / j);
-    let longest = times.fold(0.0, f64::max);
-    (longest > 0.0).then_some(longest)
-}
-
-/// A time law from this profile, smoothed over `window_s` (s), with the limits of its clock.
-fn smoothed_law(
-    path: &SampledPath<'_>,
-    range: Range<usize>,
-    (profile, shares): (&AccelerationProfile, &LimitShares),
-    window_s: f64,
-) -> Option<(TimeLaw, PathBounds)> {
-    let (knots, step_s) = profile.smooth(window_s)?;
-    let time_law = TimeLaw::new(&knots, step_s)?;
-    let (mut parts, mut ends) = (Vec::new(), Vec::new());
-    for number in range.filter(|number| path.has_length(*number)) {
-        let (piece, sampled) = (path.chain.pieces().get(number)?, path.pieces.get(number)?);
-        let (from, to) = (time_law.inverse(piece.begin), time_law.inverse(piece.end));
-        let (times, samples): (Vec<f64>, Vec<DerivativeSample>) =
-            by_time(&time_law, piece, sampled, [from, to])
-                .into_iter()
-                .unzip();
-        let samples = widen(&samples);
-        let last = samples.len().checked_sub(1)?;
-        for part in 0..SPLIT {
-            let (first, end) = (last * part / SPLIT, last * (part + 1) / SPLIT);
-            parts.push(SampledPart {
-                samples: samples.get(first..=end)?.to_vec(),
-                bounds: sampled.bounds,
-                given: false,
-            });
-            ends.push(if part + 1 == SPLIT {
-                to
-            } else {
-                *times.get(end)?
-            });
-        }
-    }
-    let bounds = fastest_bounds(&parts, &ends, path.dt_s, shares).ok()?;
-    Some((time_law, bounds))
-}
-
-/// Derivatives by time along a piece, from one time to another: at the ends of each curve of the law, and between them
-/// as densely as the piece was sampled.
-fn by_time(
-    time_law: &TimeLaw,
-    piece: &ChainPiece,
-    sampled: &SampledPiece,
+/// Derivatives by time on a part of one curve of a law, from one time to another after its beginning: as densely as the
+/// piece was sampled.
+fn on_curve(
+    law: &TimeLaw,
+    curve: usize,
     [from, to]: [f64; 2],
-) -> Vec<(f64, DerivativeSample)> {
-    let (step_s, count) = time_law.curves();
+    (piece, sampled): (&ChainPiece, &SampledPiece),
+    samples: &mut Vec<DerivativeSample>,
+) {
     let steps = sampled.samples.points.len().saturating_sub(1).max(1) as f64;
     let close = piece.length() / steps;
-    let (first, last) = (from / step_s, to / step_s);
-    let mut all = Vec::new();
-    for number in first as usize..(last.ceil() as usize).min(count) {
-        let begin = number as f64;
-        let span = [(first - begin).max(0.0), (last - begin).min(1.0)].map(|part| part * step_s);
-        let ways = span.map(|time| {
-            time_law
-                .on_curve(number, time)
-                .map_or(0.0, JetScalar::value)
-        });
-        let parts = ((ways[1] - ways[0]) / close).ceil().clamp(PARTS, PARTS_MAX);
-        for part in 0..=parts as usize {
-            let time = span[0] + (span[1] - span[0]) * part as f64 / parts;
-            let Some(s) = time_law.on_curve(number, time) else {
-                continue;
-            };
-            let place = ((s.value() - piece.begin) / close).clamp(0.0, steps);
-            all.push((begin * step_s + time, at_time(sampled, place, s)));
+    let ways = [from, to].map(|time| law.on_curve(curve, time).map_or(0.0, JetScalar::value));
+    let parts = ((ways[1] - ways[0]) / close).ceil().clamp(PARTS, PARTS_MAX);
+    for part in 0..=parts as usize {
+        let time = from + (to - from) * part as f64 / parts;
+        let Some(s) = law.on_curve(curve, time) else {
+            continue;
+        };
+        let place = ((s.value() - piece.begin) / close).clamp(0.0, steps);
+        samples.push(at_time(sampled, place, s));
+    }
+}
+
+/// Bounds of values that are smooth between these equidistant samples: the greatest sample, a quarter of the second
+/// difference where it is, and a margin.
+fn curve_bounds(samples: &[DerivativeSample]) -> DerivativeSample {
+    let mut bounds = [[0.0_f64; 3]; QUANTITIES];
+    for three in samples.windows(3) {
+        for (quantity, bounds) in bounds.iter_mut().enumerate() {
+            for (order, bound) in bounds.iter_mut().enumerate() {
+                let [before, here, behind] = [0, 1, 2].map(|at| three[at][quantity][order]);
+                let bend = (before - 2.0 * here + behind).abs() / 4.0;
+                *bound = bound.max(before.max(here).max(behind) + bend);
+            }
         }
     }
-    all
+    bounds.map(|orders| orders.map(|bound| bound * (1.0 + MARGIN)))
 }
 
 /// Derivatives by time at a position (in steps of the samples) with `s` as a function of time: upper bounds, as far as
@@ -205,189 +343,3 @@ fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
     }
     sample
 }
-
-/// The constraints at every sample, with the fraction `part` of the acceleration limits.
-fn constraints(path: &SampledPath<'_>, range: Range<usize>, part: f64) -> Vec<PathConstraints> {
-    let mut constraints = Vec::new();
-    for number in range.filter(|number| path.has_length(*number)) {
-        let (Some(piece), Some(sampled)) =
-            (path.chain.pieces().get(number), path.pieces.get(number))
-        else {
-            continue;
-        };
-        let samples = sampled.samples.points.iter().zip(&sampled.samples.jets);
-        let steps = sampled.samples.points.len().saturating_sub(1).max(1);
-        for (step, (sample, jets)) in samples.enumerate() {
-            let mut slopes = *sample;
-            for (slope, jet) in slopes.iter_mut().skip(2).zip(jets) {
-                *slope = [1, 2, 3].map(|order| jet.derivative(order));
-            }
-            let s = piece.begin + piece.length() * step as f64 / steps as f64;
-            constraints.push(PathConstraints::new(s, &slopes, &sampled.bounds, part));
-        }
-    }
-    constraints
-}
-
-impl PathConstraints {
-    /// `slopes` are derivatives by s: magnitudes for translation and rotation, signed values for joints.
-    fn new(s: f64, slopes: &DerivativeSample, bounds: &QuantityLimits, part: f64) -> Self {
-        let (mut fastest, mut rows) = (f64::INFINITY, Vec::new());
-        for (number, ([first, second, third], [v, a, j])) in slopes.iter().zip(bounds).enumerate() {
-            if !a.is_finite() && !v.is_finite() {
-                continue;
-            }
-            let in_bend = libm::cbrt(BEND_JERK * j / third.abs());
-            for speed in [VELOCITY * v / first.abs(), in_bend] {
-                if speed * speed < fastest {
-                    fastest = speed * speed;
-                }
-            }
-            if !a.is_finite() {
-                continue;
-            }
-            let limit = part * a;
-            // With magnitudes it is unknown whether they add or compensate: assume both.
-            let other = if number < 2 { *second } else { -second };
-            rows.push([*first, *second, limit]);
-            rows.push([-first, other, limit]);
-        }
-        Self { s, fastest, rows }
-    }
-
-    /// The interval of u that is allowed at x, as [low, high].
-    fn between(&self, x: f64) -> [f64; 2] {
-        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-        for [a, b, c] in &self.rows {
-            let at = (c - b * x) / a;
-            if *a > 0.0 {
-                high = high.min(at);
-            } else if *a < 0.0 {
-                low = low.max(at);
-            }
-        }
-        [low, high]
-    }
-
-    /// The greatest x from which x + 2·step·u can be in [0, next].
-    fn greatest(&mut self, step: f64, next: f64) -> f64 {
-        self.rows.push([2.0 * step, 1.0, next]);
-        self.rows.push([-2.0 * step, -1.0, 0.0]);
-        let mut greatest = self.fastest;
-        for [a, b, c] in &self.rows {
-            if *a == 0.0 && *b > 0.0 {
-                greatest = greatest.min(c / b);
-            }
-            if *a <= 0.0 {
-                continue;
-            }
-            for [a2, b2, c2] in self.rows.iter().filter(|[a2, ..]| *a2 < 0.0) {
-                // Upper bound: (c − b·x)/a. Lower bound: (c2 − b2·x)/a2.
-                let (gap, fall) = (c / a - c2 / a2, b / a - b2 / a2);
-                if fall > 0.0 {
-                    greatest = greatest.min(gap / fall);
-                }
-            }
-        }
-        greatest.max(0.0)
-    }
-}
-
-/// Consecutive phases of constant acceleration, with the integral of s over time.
-struct AccelerationProfile {
-    /// Per knot: time, s, speed, acceleration from there on, ∫ s dt.
-    knots: Vec<[f64; 5]>,
-}
-
-impl AccelerationProfile {
-    /// The time-optimal profile under the constraints; `None` if there is none.
-    fn new(constraints: &[PathConstraints]) -> Option<Self> {
-        let steps = constraints.iter().zip(constraints.iter().skip(1));
-        let steps: Vec<f64> = steps.map(|(from, to)| to.s - from.s).collect();
-        let mut reachable = vec![0.0; constraints.len()];
-        let mut limits = Vec::with_capacity(constraints.len());
-        for (number, place) in constraints.iter().enumerate().rev() {
-            let mut place = PathConstraints {
-                rows: place.rows.clone(),
-                ..*place
-            };
-            if let (Some(step), Some(next)) = (steps.get(number), reachable.get(number + 1)) {
-                let greatest = place.greatest(*step, *next);
-                *reachable.get_mut(number)? = greatest;
-            }
-            limits.push(place);
-        }
-        limits.reverse();
-        let (mut knots, mut x) = (Vec::new(), 0.0_f64);
-        let [mut t, mut integral] = [0.0; 2];
-        for (number, step) in steps.iter().enumerate() {
-            let (place, next) = (limits.get(number)?, *reachable.get(number + 1)?);
-            let [low, high] = place.between(x);
-            let u = if *step > 0.0 { high.max(low) } else { 0.0 };
-            let behind = (x + 2.0 * step * u).min(next).max(0.0);
-            let (from, to) = (libm::sqrt(x), libm::sqrt(behind));
-            let s = place.s;
-            if *step > 0.0 {
-                let time = 2.0 * step / (from + to);
-                if !time.is_finite() {
-                    return None;
-                }
-                let u = (to - from) / time;
-                knots.push([t, s, from, u, integral]);
-                integral += time * (s + time * (from / 2.0 + time * u / 6.0));
-                t += time;
-            }
-            x = behind;
-        }
-        knots.push([t, constraints.last()?.s, 0.0, 0.0, integral]);
-        (knots.len() > 1).then_some(Self { knots })
-    }
-
-    fn duration_s(&self) -> f64 {
-        self.knots.last().map_or(0.0, |[t, ..]| *t)
-    }
-
-    /// ∫ s dt, s and s' at a time; at rest before the beginning and after the end.
-    fn at(&self, time: f64) -> [f64; 3] {
-        let number = self.knots.partition_point(|[t, ..]| *t <= time);
-        let first = number.saturating_sub(1);
-        let Some([t, s, v, u, integral]) = self.knots.get(first) else {
-            return [0.0; 3];
-        };
-        let d = time - t;
-        if d < 0.0 {
-            return [integral + s * d, *s, 0.0];
-        }
-        [
-            integral + d * (s + d * (v / 2.0 + d * u / 6.0)),
-            s + d * (v + d * u / 2.0),
-            v + d * u,
-        ]
-    }
-
-    /// The moving average over a window: the knots of a time law and the time between them, s.
-    fn smooth(&self, window_s: f64) -> Option<(Vec<TimeLawKnot>, f64)> {
-        let duration = self.duration_s() + window_s;
-        let count = (KNOTS * duration / window_s).ceil().min(KNOTS_MAX);
-        if !(count >= 1.0 && window_s > 0.0) {
-            return None;
-        }
-        let step_s = duration / count;
-        let (first, last) = (self.knots.first()?[1], self.knots.last()?[1]);
-        let knot = |number: usize| {
-            let time = step_s * number as f64;
-            let [now, before] = [self.at(time), self.at(time - window_s)];
-            let [s, v, a] = [0, 1, 2].map(|order| (now[order] - before[order]) / window_s);
-            [s, v, a]
-        };
-        let count = count as usize;
-        let mut knots: Vec<TimeLawKnot> = (0..=count).map(knot).collect();
-        // Exactly at rest at both ends.
-        *knots.first_mut()? = [first, 0.0, 0.0];
-        *knots.last_mut()? = [last, 0.0, 0.0];
-        Some((knots, step_s))
-    }
-}
-
-#[cfg(test)]
-mod tests;
