@@ -188,6 +188,15 @@ impl VirtualCell {
     }
 }
 
+/// Returns the hold set-points (rad, by device) of arms at rest where they are simulated.
+#[must_use]
+pub fn holds(config: &CellConfig) -> Vec<Option<Joints>> {
+    let mut cell = VirtualCell::new(config);
+    // One cycle without a net, so that the engine has seen the devices.
+    cell.step();
+    cell.holds()
+}
+
 /// Runs a net until it is terminated or the time is over. `table` receives the monitored values, one line per cycle in
 /// which a monitor is due.
 ///

@@ -95,6 +95,44 @@ fn the_commands_of_the_docs_run() {
     assert!(folder.0.path().join("guarded-line.svg").is_file());
 }
 
+/// The sections of the motions of a shipped net, as `explain` plans them: motion, time scaling, duration (s).
+fn planned(net: &str) -> Vec<(String, String, f64)> {
+    let file = format!("configs/nets/{net}.yaml");
+    let (code, out, err) = run(&["--output", "json", "explain", &file]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    let explained: Value = serde_json::from_str(&out).expect("JSON");
+    let motions = &explained["motions"];
+    assert!(motions["planning_ns"].as_u64().expect("a time") > 0, "{out}");
+    let sections = motions["sections"].as_array().expect("a list").iter();
+    let text = |value: &Value| value.as_str().expect("a text").to_owned();
+    let row = |it: &Value| {
+        let duration_s = it["duration_s"].as_f64().expect("a number");
+        (text(&it["motion"]), text(&it["time_scaling"]), duration_s)
+    };
+    sections.map(row).collect()
+}
+
+#[test]
+fn explain_tells_how_each_motion_is_planned() {
+    let even = planned("guarded-line");
+    assert_eq!(even.len(), 1, "{even:?}");
+    assert_eq!((&*even[0].0, &*even[0].1), ("move", "even"));
+    let soonest = planned("time-optimal");
+    assert!(!soonest.is_empty());
+    for (motion, time_scaling, duration_s) in &soonest {
+        assert_eq!(time_scaling, "time-optimal", "{motion}");
+        assert!((0.1..10.0).contains(duration_s), "{motion}: {duration_s} s");
+    }
+    // What the net itself takes, in whole cycles.
+    let file = "configs/nets/time-optimal.yaml";
+    let (code, out, err) = run(&["--output", "json", "simulate", file]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    let ran: Value = serde_json::from_str(&out).expect("JSON");
+    let cycles = ran["cycles"].as_u64().expect("a number") as f64;
+    let planned: f64 = soonest.iter().map(|row| row.2).sum();
+    assert!((cycles * 1e-3 - planned).abs() < 0.05, "{cycles} {planned}");
+}
+
 #[test]
 fn a_folder_gets_one_summary_line_and_its_errors() {
     let folder = Folder::new();

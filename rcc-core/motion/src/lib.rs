@@ -19,5 +19,5 @@ pub use motion::{Motion, MotionSet, MotionSetBuilder};
 pub use path_clock::{
     CLOCK_WORDS, PathBounds, PathClock, PathLimitsError, PathPiece, duration_s, stop_time,
 };
-pub use planned_path::{ReducedBlend, SlowSection};
+pub use planned_path::{PlannedSection, ReducedBlend, SlowSection, TimeScaling};
 pub use stop_trajectory::{StopFault, StopLimits, StopLimitsError, StopTrajectory};

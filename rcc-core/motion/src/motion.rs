@@ -9,7 +9,9 @@ use rcc_core::path::{
 use crate::after_until::{LineFromRest, RestPoint};
 use crate::goal;
 use crate::path_clock::{CLOCK_WORDS, PathBounds, PathClock};
-use crate::planned_path::{MotionSection, PathPoint, PlannedPath, ReducedBlend, SlowSection};
+use crate::planned_path::{
+    MotionSection, PathPoint, PlannedPath, PlannedSection, ReducedBlend, SlowSection,
+};
 
 mod braking;
 mod builder;
@@ -350,6 +352,15 @@ impl MotionSet {
         motions.flat_map(|(index, motion)| {
             let slow = motion.planned_path.slow().iter();
             slow.map(move |slow| (index, *slow))
+        })
+    }
+
+    /// The sections from rest to rest of all motions, each with the index of its motion.
+    pub fn sections(&self) -> impl Iterator<Item = (usize, PlannedSection)> {
+        let motions = self.0.iter().enumerate();
+        motions.flat_map(|(index, motion)| {
+            let sections = motion.sections.iter();
+            sections.map(move |section| (index, section.planned()))
         })
     }
 

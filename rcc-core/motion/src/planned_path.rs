@@ -12,12 +12,9 @@ use rcc_core::pose::Pose;
 use rcc_core::types::NULL_REAL;
 use rcc_core::vector;
 
-use crate::after_until::LegAfterUntil;
 use crate::geometry::chain::{Chain, ChainPiece, ShapePoint};
 use crate::geometry::jet::{Jet, JetScalar};
-use crate::path_clock::PathBounds;
 use elbow::ElbowProfile;
-use speed_limits::BrakingLimits;
 use time_law::TimeLaw;
 
 mod elbow;
@@ -28,6 +25,7 @@ mod leg_shape;
 mod path_builder;
 mod piece_samples;
 mod sampled_path;
+mod section;
 mod slow_section;
 pub(crate) mod speed_limits;
 mod time_law;
@@ -35,6 +33,8 @@ mod time_optimal;
 
 pub(crate) use leg_shape::metric;
 pub(crate) use path_builder::build;
+pub(crate) use section::{LawStops, MotionSection};
+pub use section::{PlannedSection, TimeScaling};
 pub use slow_section::SlowSection;
 
 /// Steps per piece at which a path is first sampled when its motion is built.
@@ -99,54 +99,6 @@ struct PieceKinematics {
     distance_before_m: f64,
     /// Distance of the flange along this piece, m.
     length_m: f64,
-}
-
-/// A part of the motion from rest to rest, with the limits of its clock.
-#[derive(Debug, Clone)]
-pub(crate) struct MotionSection {
-    /// Clock value at which it begins: the sum of the lengths of all previous sections.
-    pub(crate) begin: f64,
-    /// Increase of the clock value from its beginning to its end.
-    pub(crate) length: f64,
-    /// Limits of its clock.
-    pub(crate) bounds: PathBounds,
-    /// Only for a section with a time law, which is at rest at both ends by itself, so that its clock starts and ends
-    /// at speed.
-    pub(crate) stops: Option<LawStops>,
-    /// Indices of its first and its last leg.
-    pub(crate) legs: [u32; 2],
-    /// Index of the condition before which it does not begin.
-    pub(crate) wait: Option<u32>,
-    /// Index of the condition that ends its last leg.
-    pub(crate) until: Option<u32>,
-    /// If `until` may end the section before: how its leg is travelled from there.
-    pub(crate) after_until: Option<Box<LegAfterUntil>>,
-}
-
-/// Limits for stops on a section with a time law, by clocks that count the path parameter directly.
-#[derive(Debug, Clone)]
-pub(crate) struct LawStops {
-    /// For any state of which a set of limits allows a stop, those with the hardest braking first.
-    pub(crate) anywhere: Box<[BrakingLimits]>,
-    /// For the states of the law, followed at full speed, at certain times, in their order.
-    pub(crate) on_law: Box<[BrakingLimits]>,
-}
-
-impl LawStops {
-    /// Limits by index: `anywhere`, then `on_law`.
-    pub(crate) fn get(&self, index: usize) -> Option<&BrakingLimits> {
-        let behind = index.checked_sub(self.anywhere.len());
-        match behind {
-            None => self.anywhere.get(index),
-            Some(behind) => self.on_law.get(behind),
-        }
-    }
-
-    /// The first limits for a state of the law that is not before `s`, and their index in `on_law`.
-    pub(crate) fn next_on_law(&self, s: f64) -> Option<(usize, &BrakingLimits)> {
-        let number = self.on_law.partition_point(|stop| stop.is_before(s));
-        Some((number, self.on_law.get(number)?))
-    }
 }
 
 /// How a section maps clock values to the path parameter s: directly, or through a time law.

@@ -2,11 +2,16 @@
 
 use std::borrow::Cow;
 
+use std::time::Instant;
+
 use rcc_core::primitives;
 use rcc_engine::costs::Costs;
+use rcc_engine::net::Net;
 use rcc_language::structure::{NetStructure, PortInfo, PrimitiveRole, SourceInfo};
+use rcc_motion::TimeScaling;
 use serde::Serialize;
 
+use crate::simulate;
 use crate::verbs::source::ResolvedNet;
 
 /// Properties and requirements of a net.
@@ -42,8 +47,33 @@ pub struct Explanation {
     pub nulls: Vec<NullSource>,
     /// Commands, terminations and motions with inputs that can be null, and the effect.
     pub consequences: Vec<Consequence>,
+    /// Its motions as planned here, for arms at rest where they are simulated; `None` for a net without a motion, or if one
+    /// cannot be planned.
+    pub motions: Option<PlannedMotions>,
     /// Free capacity of the running cell.
     pub cell: Option<CellCapacity>,
+}
+
+/// The motions of a net, and what planning them took.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlannedMotions {
+    /// Sections from rest to rest, in the order of the motions and their legs.
+    pub sections: Vec<MotionSection>,
+    /// Time to build the net, most of which is the planning of its motions, ns.
+    pub planning_ns: u64,
+}
+
+/// A section of a motion from rest to rest.
+#[derive(Clone, Debug, Serialize)]
+pub struct MotionSection {
+    /// Id of the motion.
+    pub motion: String,
+    /// Its first and its last leg, from 1.
+    pub legs: [u32; 2],
+    /// How time passes on it.
+    pub time_scaling: &'static str,
+    /// Duration at full speed, s.
+    pub duration_s: f64,
 }
 
 /// Total cost of all primitives of a type.
@@ -213,9 +243,38 @@ impl Explanation {
             order,
             nulls: nulls(structure),
             consequences: consequences(structure),
+            motions: motions(found),
             cell,
         }
     }
+}
+
+/// Plans the motions as the executor does.
+fn motions(found: &ResolvedNet) -> Option<PlannedMotions> {
+    let (config, plan) = (&found.config, found.compiled.plan.clone());
+    let (models, holds) = (config.models(), simulate::holds(config));
+    let dt_s = config.period_ns as f64 / 1e9;
+    let begun = Instant::now();
+    let net = Net::build(plan, &models, config.fingerprint(), &holds, dt_s).ok()?;
+    let planning_ns = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    let sections = net.motions().sections().map(|(motion, section)| {
+        let id = found.compiled.names.motions.get(motion).cloned();
+        MotionSection {
+            motion: id.unwrap_or_else(|| format!("motion {motion}")),
+            legs: section.legs.map(|leg| leg + 1),
+            time_scaling: match section.time_scaling {
+                TimeScaling::Even => "even",
+                TimeScaling::TimeOptimal => "time-optimal",
+                TimeScaling::FirstLaw => "first law: the method that improves it did not end",
+            },
+            duration_s: section.duration_s,
+        }
+    });
+    let sections: Vec<MotionSection> = sections.collect();
+    (!sections.is_empty()).then_some(PlannedMotions {
+        sections,
+        planning_ns,
+    })
 }
 
 fn steps(found: &ResolvedNet, costs: &Costs) -> Vec<EvaluationStep> {

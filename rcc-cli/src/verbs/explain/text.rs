@@ -21,6 +21,7 @@ pub fn human(it: &Explanation, shown: TableSelection) -> String {
     if is_small || shown.path || shown.all {
         parts.push(path(it));
     }
+    parts.push(motions(it));
     parts.push(nulls(it, shown, is_small));
     if let Some(room) = &it.cell {
         parts.push(capacity(room));
@@ -46,6 +47,27 @@ fn regions(it: &Explanation) -> String {
         )
     });
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Lists the sections of the motions from rest to rest, and what planning them took.
+fn motions(it: &Explanation) -> String {
+    let Some(motions) = &it.motions else {
+        return String::new();
+    };
+    let mut rows = table::table(&["MOTION", "LEGS", "TAKES", "TIME LAW"]);
+    for section in &motions.sections {
+        let [first, last] = section.legs;
+        rows.add_row([
+            section.motion.clone(),
+            match first == last {
+                true => first.to_string(),
+                false => format!("{first} to {last}"),
+            },
+            format!("{:.3} s", section.duration_s),
+            section.time_scaling.to_owned(),
+        ]);
+    }
+    format!("{rows}\nplanned in {}", time(motions.planning_ns))
 }
 
 fn percent(ns: f64, of: u64) -> String {

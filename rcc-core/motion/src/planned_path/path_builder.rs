@@ -12,7 +12,7 @@ use super::speed_limits::{self, BrakingLimits, LimitsFault, TooFast, fastest_bou
 use super::time_optimal::{possible_duration_s, time_optimal_law};
 use super::{
     ArmStart, LawStops, LegFault, MotionSection, PieceKinematics, PlannedPath, ReducedBlend,
-    TimedSection,
+    TimeScaling, TimedSection,
 };
 use crate::geometry::chain::{Chain, ChainLink, ChainPiece};
 use crate::path_clock::{PathBounds, PathPiece, duration_s};
@@ -129,6 +129,11 @@ impl SampledPath<'_> {
                 SpeedProfile::Uniform => None,
                 SpeedProfile::TimeOptimal => time_optimal_law(self, range.clone(), &bounds),
             };
+            let time_scaling = match &timed {
+                None => TimeScaling::Even,
+                Some(timed) if timed.improved => TimeScaling::TimeOptimal,
+                Some(_) => TimeScaling::FirstLaw,
+            };
             let (bounds, stops, time_law) = match timed {
                 Some(timed) => {
                     let stops = LawStops {
@@ -147,6 +152,7 @@ impl SampledPath<'_> {
                 length,
                 bounds,
                 stops,
+                time_scaling,
                 legs,
                 wait: None,
                 until: None,
@@ -192,6 +198,7 @@ impl SampledPath<'_> {
             begin,
             length: 0.0,
             stops: None,
+            time_scaling: TimeScaling::Even,
             legs,
             wait: None,
             until: None,

@@ -60,6 +60,8 @@ pub(super) struct TimeOptimal {
     pub(super) bounds: PathBounds,
     /// Limits for stops at certain times of the law.
     pub(super) on_law: Box<[BrakingLimits]>,
+    /// The interior-point method improved the first law.
+    pub(super) improved: bool,
 }
 
 /// The time law with the shortest duration, which leaves a reserve for its clock; `None` if it is not faster than the even motion with the bounds `uniform`.
@@ -75,7 +77,8 @@ pub(super) fn time_optimal_law(
     let reserve = reserve(path, range.clone(), &time_law(&first, 1.0)?);
     let intervals = COARSE * first.law.intervals();
     let mut barrier = Barrier::new(&table, reserve, first.law.clone())?;
-    if barrier.improve(intervals).is_none() {
+    let improved = barrier.improve(intervals).is_some();
+    if !improved {
         // The first law keeps the limits, too.
         barrier = Barrier::new(&table, reserve, first.law)?;
     }
@@ -87,6 +90,7 @@ pub(super) fn time_optimal_law(
         on_law: law_stops::law_stops(path, range, &time_law),
         time_law,
         bounds,
+        improved,
     })
 }
 
