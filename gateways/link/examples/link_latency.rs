@@ -68,8 +68,8 @@ fn over_zenoh(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Error>
     let key = CellKeys::new("lab", "a")
         .topic("belt/position")
         .ok_or("a key")?;
-    let sender = session::open(&endpoint, &[])?;
-    let reader = session::open(&[], &endpoint)?;
+    let sender = session::open(&endpoint, &[], None)?;
+    let reader = session::open(&[], &endpoint, None)?;
     let (told, arrivals) = channel();
     let subscriber = reader.declare_subscriber(&key).callback(move |sample| {
         if let Ok(message) = TopicMessage::read(&sample.payload().to_bytes()) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use rcc_config::link::{is_cell_key, is_endpoint};
+use rcc_config::link::{TLS_KEYS, TlsFiles, is_cell_key, is_endpoint};
 use rcc_core::impedance::ControlMode;
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::primitive::ChannelKind;
@@ -18,8 +18,9 @@ use serde_json::{Value, json};
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
+use crate::access::Role;
 use crate::keys::CellKeys;
-use crate::session::{self, SessionError};
+use crate::session::{self, Identity, SessionError};
 use channels::{LinkChannel, link_channels};
 use inbox::{ChannelState, Inbox};
 
@@ -41,11 +42,13 @@ pub const STALE: u32 = 104;
 pub const REASONS: &[Reason] = &[
     (
         NO_CONNECTION,
-        "nothing answers at settings.connect: check the address, the network, and that rcc-link listens there (`link: listen`)",
+        "nothing answers at settings.connect: check the address, the network, that rcc-link listens there (`link: listen`), and \
+         with settings.tls the certificates of both sides",
     ),
     (
         NO_CELL,
-        "connected, but the cell settings.peer is not there: start it and its rcc-link, and compare site and name",
+        "connected, but the cell settings.peer is not there: start it and its rcc-link, and compare site and name; with settings.tls, \
+         its certificate must have that name as common name",
     ),
     (
         NO_TOPIC,
@@ -110,6 +113,12 @@ impl Driver for LinkDevice {
         let expected = "endpoints, such as [\"tcp/192.168.0.7:7447\"]";
         let connect = settings.read("connect", expected, Some(Vec::new()), endpoints)?;
         let listen = settings.read("listen", expected, Some(Vec::new()), endpoints)?;
+        let tls = settings.read(
+            "tls",
+            "{authority: FILE, certificate: FILE, key: FILE} with absolute paths",
+            Some(None),
+            |value| tls(value).map(Some),
+        )?;
         let period = settings.duration("period", Duration::from_millis(5))?;
         let expires = settings.duration("expires", Duration::from_millis(100))?;
         let words = [("lost", OnLoss::Lost), ("null", OnLoss::Null)];
@@ -136,7 +145,7 @@ impl Driver for LinkDevice {
         }
         let inbox = Arc::new(Inbox::new(link_channels(device)?));
         let expires_ns = u64::try_from(expires.as_nanos()).unwrap_or(u64::MAX);
-        let opened = SharedLink::open((&listen, &connect), peer, &inbox, expires_ns);
+        let opened = SharedLink::open((&listen, &connect), tls.as_ref(), peer, &inbox, expires_ns);
         let shared = opened.map_err(|error| DriverError::System {
             device: device.name.clone(),
             key: if listen.is_empty() {
@@ -193,6 +202,16 @@ impl Driver for LinkDevice {
     }
 }
 
+/// Reads the files of mutual TLS.
+fn tls(value: &Value) -> Option<TlsFiles> {
+    let files = TlsFiles::of(|key| value.get(key)?.as_str());
+    files.filter(|_| {
+        value
+            .as_object()
+            .is_some_and(|keys| keys.len() == TLS_KEYS.len())
+    })
+}
+
 /// Reads a list of endpoints.
 fn endpoints(value: &Value) -> Option<Vec<String>> {
     let list = value.as_array()?.iter();
@@ -207,11 +226,14 @@ fn endpoints(value: &Value) -> Option<Vec<String>> {
 impl SharedLink {
     fn open(
         (listen, connect): (&[String], &[String]),
+        tls: Option<&TlsFiles>,
         peer: String,
         inbox: &Arc<Inbox>,
         expires_ns: u64,
     ) -> Result<SharedLink, SessionError> {
-        let session = session::open(listen, connect)?;
+        let role = Role::Device { peer: &peer };
+        let identity = tls.map(|files| Identity { files, role });
+        let session = session::open(listen, connect, identity)?;
         let keys = CellKeys::of(&peer);
         let declared = |error: zenoh::Error| SessionError::Declare(error.to_string());
         for topic in inbox.topics() {

@@ -4,12 +4,14 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use rcc_config::link::TlsFiles;
 use serde_json::Value;
 use zenoh::query::ConsolidationMode;
 use zenoh::{Session, Wait};
 
+use crate::access::Role;
 use crate::keys::{CellKeys, Operation};
-use crate::session::{self, SessionError};
+use crate::session::{self, Identity, SessionError};
 
 /// Longest wait for a first connection.
 const CONNECT_MAX: Duration = Duration::from_secs(5);
@@ -26,14 +28,18 @@ pub enum FleetError {
     Session(#[from] SessionError),
     /// Nothing answers at the endpoints.
     #[error(
-        "nothing answers at {0}: check the address, and that rcc-link listens there (`link: listen`)"
+        "nothing answers at {0}: check the address, that rcc-link listens there (`link: listen`), and with TLS that both certificates \
+         are of one authority"
     )]
     NoConnection(String),
     /// The network refuses a request.
     #[error("the link cannot be asked: {0}")]
     Ask(String),
     /// The other cell does not answer.
-    #[error("{cell} does not answer: `rcc-link cells` lists the cells that are there")]
+    #[error(
+        "{cell} does not answer: `rcc-link cells` lists the cells that are there; with TLS it drops START of a net that its `link: \
+         start` does not give to this certificate"
+    )]
     NoAnswer {
         /// `SITE/CELL`.
         cell: String,
@@ -61,8 +67,10 @@ pub struct FoundCell {
 ///
 /// # Errors
 /// Fails if nothing answers.
-pub fn connect(endpoints: &[String]) -> Result<Session, FleetError> {
-    let session = session::open(&[], endpoints)?;
+pub fn connect(endpoints: &[String], tls: Option<&TlsFiles>) -> Result<Session, FleetError> {
+    let role = Role::Operator;
+    let identity = tls.map(|files| Identity { files, role });
+    let session = session::open(&[], endpoints, identity)?;
     let until = Instant::now() + CONNECT_MAX;
     while session.info().peers_zid().wait().next().is_none()
         && session.info().routers_zid().wait().next().is_none()

@@ -18,9 +18,11 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
 
+use crate::access::Role;
+use crate::certificate::{self, CertificateError};
 use crate::keys::CellKeys;
 use crate::message::{TopicMessage, VERSION};
-use crate::session::{self, SessionError};
+use crate::session::{self, Identity, SessionError};
 use cycles::CycleTime;
 use observer::Observer;
 use requests::Requests;
@@ -52,6 +54,9 @@ pub enum GatewayError {
     /// The Zenoh session cannot be opened.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// The certificate cannot be used.
+    #[error(transparent)]
+    Certificate(#[from] CertificateError),
     /// A thread cannot be made.
     #[error("cannot start: {0}")]
     System(#[from] std::io::Error),
@@ -102,7 +107,17 @@ pub(crate) enum News {
 /// Fails if the endpoints of the link cannot be opened.
 pub fn run(options: &GatewayOptions, stop: &Arc<AtomicBool>) -> Result<(), GatewayError> {
     let keys = CellKeys::new(&options.link.site, &options.cell);
-    let session = session::open(&options.link.listen, &options.link.connect)?;
+    let link = &options.link;
+    let identity = match &link.tls {
+        None => None,
+        Some(files) => {
+            certificate::check_cell(files, &format!("{}/{}", link.site, options.cell))?;
+            let (keys, start) = (&keys, &link.start);
+            let role = Role::Gateway { keys, start };
+            Some(Identity { files, role })
+        }
+    };
+    let session = session::open(&link.listen, &link.connect, identity)?;
     let requests = Requests::serve(&session, &keys, options)?;
     let (told, news) = sync_channel(NEWS_MAX);
     let observer = Observer::new(loader(&options.cell)?, options, told, Arc::clone(stop));

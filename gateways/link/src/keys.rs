@@ -86,6 +86,12 @@ impl CellKeys {
         format!("{}/@alive/{incarnation}", self.base)
     }
 
+    /// Returns the key expressions of everything below the cell: a part that begins with `@` is matched by no `**`.
+    #[must_use]
+    pub fn all(&self) -> [String; 2] {
+        [format!("{}/**", self.base), self.alive("**")]
+    }
+
     /// Returns the key expression of the requests of all peers.
     #[must_use]
     pub fn requests(&self) -> String {

@@ -2,7 +2,9 @@
 //! the driver `rcc-link-device` presents topics of another cell as inputs of a device. Processes of their own: none of
 //! this is real-time, and none of it runs in a cycle.
 
+pub mod access;
 pub mod age;
+mod certificate;
 pub mod device;
 pub mod fleet;
 pub mod gateway;

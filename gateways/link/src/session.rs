@@ -1,7 +1,12 @@
 //! Opens the Zenoh session of a process: explicit endpoints, no multicast, and a lease that is short enough to connect again
-//! soon after a cut. Zenoh's own threads run it.
+//! soon after a cut; mutual TLS and access control if there are certificates. Zenoh's own threads run it.
 
+use rcc_config::link::{TlsFiles, is_tls};
+use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
+
+use crate::access::{Role, access_control};
+use crate::certificate::{self, CertificateError};
 
 /// Time without a sign of life after which a connection is closed, ms. A shorter one would close connections of a machine
 /// that is merely busy.
@@ -17,6 +22,14 @@ pub enum SessionError {
     /// The configuration is refused.
     #[error("the link cannot be configured: {0}")]
     Config(String),
+    /// A certificate or key cannot be used.
+    #[error(transparent)]
+    Certificate(#[from] CertificateError),
+    /// An endpoint does not go with the certificates.
+    #[error(
+        "`{0}`: with certificates every endpoint is `tls/HOST:PORT`, without them `tcp/HOST:PORT`"
+    )]
+    Protocol(String),
     /// The session cannot be opened.
     #[error("the link cannot be opened: {0}")]
     Open(String),
@@ -25,12 +38,38 @@ pub enum SessionError {
     Declare(String),
 }
 
-/// Opens a session that listens at and connects to these endpoints, and connects again for ever.
+/// Certificates of a process, and what it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Identity<'a> {
+    /// Its files.
+    pub files: &'a TlsFiles,
+    /// What it is.
+    pub role: Role<'a>,
+}
+
+/// Opens a session that listens at and connects to these endpoints, and connects again for ever; with an identity by mutual
+/// TLS and with access control.
 ///
 /// # Errors
-/// Fails if an endpoint is invalid or cannot be listened at. A peer that does not answer is not an error.
-pub fn open(listen: &[String], connect: &[String]) -> Result<Session, SessionError> {
+/// Fails if an endpoint is invalid or cannot be listened at, or if a certificate cannot be used. A peer that does not answer
+/// is not an error.
+pub fn open(
+    listen: &[String],
+    connect: &[String],
+    identity: Option<Identity<'_>>,
+) -> Result<Session, SessionError> {
+    let mixed = |endpoint: &&String| is_tls(endpoint) != identity.is_some();
+    if let Some(endpoint) = listen.iter().chain(connect).find(mixed) {
+        return Err(SessionError::Protocol(endpoint.clone()));
+    }
     let mut config = Config::default();
+    if let Some(identity) = identity {
+        certificate::check(identity.files)?;
+        insert(&mut config, "transport/link/tls", &tls(identity.files))?;
+        if let Some(control) = access_control(identity.role) {
+            insert(&mut config, "access_control", &control)?;
+        }
+    }
     let [first, longest] = RETRY_MS;
     let rows = [
         ("mode", "\"peer\"".to_owned()),
@@ -51,12 +90,35 @@ pub fn open(listen: &[String], connect: &[String]) -> Result<Session, SessionErr
         ("transport/link/tx/keep_alive", KEEP_ALIVES.to_string()),
     ];
     for (key, value) in rows {
-        let set = config.insert_json5(key, &value);
-        set.map_err(|error| SessionError::Config(format!("{key}: {error}")))?;
+        set(&mut config, key, &value)?;
     }
     zenoh::open(config)
         .wait()
         .map_err(|error| SessionError::Open(error.to_string()))
+}
+
+fn insert(config: &mut Config, key: &str, value: &Value) -> Result<(), SessionError> {
+    set(config, key, &value.to_string())
+}
+
+fn set(config: &mut Config, key: &str, value: &str) -> Result<(), SessionError> {
+    let set = config.insert_json5(key, value);
+    set.map_err(|error| SessionError::Config(format!("{key}: {error}")))
+}
+
+/// Returns the part of the configuration for mutual TLS: both sides show a certificate that the authority signed, the
+/// listening one also for its address, and a connection ends when a certificate expires.
+fn tls(files: &TlsFiles) -> Value {
+    json!({
+        "root_ca_certificate": files.authority,
+        "listen_private_key": files.key,
+        "listen_certificate": files.certificate,
+        "connect_private_key": files.key,
+        "connect_certificate": files.certificate,
+        "enable_mtls": true,
+        "verify_name_on_connect": true,
+        "close_link_on_expiration": true,
+    })
 }
 
 /// Returns a list of texts as JSON.

@@ -2,6 +2,7 @@
 //! Read at start-up by the gateway `rcc-link`.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use rcc_core::unit::Unit;
 
@@ -11,7 +12,11 @@ use crate::ports;
 use crate::reader::{CELL_NAME, ConfigReader, Fields, NameRule, QuantityRange, error};
 use crate::yaml::{Entry, Node};
 
-pub(crate) const KEYS: [&str; 6] = ["site", "listen", "connect", "publish", "rate", "start"];
+pub(crate) const KEYS: [&str; 7] = [
+    "site", "listen", "connect", "publish", "rate", "start", "tls",
+];
+/// Keys of `tls`.
+pub const TLS_KEYS: [&str; 3] = ["authority", "certificate", "key"];
 /// Rates at which topics may leave the cell, Hz.
 const RATE_HZ: [f64; 2] = [0.1, 250.0];
 const RATE_DEFAULT_HZ: f64 = 100.0;
@@ -38,6 +43,34 @@ pub struct LinkConfig {
     pub rate_hz: f64,
     /// For each other cell, `SITE/CELL`, the names of the nets that it may start.
     pub start: BTreeMap<String, Vec<String>>,
+    /// Files for mutual TLS; then all endpoints are `tls/…`.
+    pub tls: Option<TlsFiles>,
+}
+
+/// Files in PEM format for mutual TLS; absolute paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TlsFiles {
+    /// Certificate of the authority that signed the certificates of all cells of the link.
+    pub authority: PathBuf,
+    /// Certificate of this process; its common name is `SITE/CELL`.
+    pub certificate: PathBuf,
+    /// Its private key.
+    pub key: PathBuf,
+}
+
+impl TlsFiles {
+    /// Returns the files that `path` gives for each of `authority`, `certificate` and `key`; `None` without an absolute path.
+    pub fn of<'a>(path: impl Fn(&str) -> Option<&'a str>) -> Option<TlsFiles> {
+        let [authority, certificate, key] = TLS_KEYS.map(|key| {
+            let path = path(key).map(Path::new);
+            path.filter(|path| path.is_absolute()).map(Path::to_owned)
+        });
+        Some(TlsFiles {
+            authority: authority?,
+            certificate: certificate?,
+            key: key?,
+        })
+    }
 }
 
 /// Reads the key `link` of a cell; `None` inside: the cell has none.
@@ -54,8 +87,14 @@ pub(crate) fn read(
         let text = reader.text(node, "the site")?;
         reader.name(text, node.span, "the site", CELL_NAME)
     });
-    let listen = endpoints(reader, &fields, "listen", ports);
-    let connect = endpoints(reader, &fields, "connect", ports);
+    let tls = tls(reader, &fields);
+    let protocol = match tls {
+        Some(None) => Some(Protocol::Tcp),
+        Some(Some(_)) => Some(Protocol::Tls),
+        None => None,
+    };
+    let listen = endpoints(reader, (&fields, "listen"), protocol, ports);
+    let connect = endpoints(reader, (&fields, "connect"), protocol, ports);
     let publish = match fields.get("publish") {
         Some(node) => texts(reader, node, "publish"),
         None => Some(vec!["*".to_owned()]),
@@ -76,7 +115,35 @@ pub(crate) fn read(
         publish: publish?,
         rate_hz: rate_hz?,
         start: start?,
+        tls: tls?,
     }))
+}
+
+/// Reads `tls`; `None` inside: there is none.
+fn tls(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<Option<TlsFiles>> {
+    let Some(node) = fields.get("tls") else {
+        return Some(None);
+    };
+    let tls = reader.fields(node, node.span, "tls", &TLS_KEYS)?;
+    let mut paths = BTreeMap::new();
+    let mut valid = true;
+    for key in TLS_KEYS {
+        let text = reader
+            .require(&tls, key)
+            .and_then(|node| Some((reader.text(node, key)?, node.span)));
+        match text {
+            Some((text, _)) if Path::new(text).is_absolute() => drop(paths.insert(key, text)),
+            Some((text, place)) => {
+                let message = format!("`{text}` is not an absolute path");
+                let help = "write the path from the root: `/etc/rcc/tls/press.pem`";
+                reader.report(error(codes::BAD_ADDRESS, place, message).help(help));
+                valid = false;
+            }
+            None => valid = false,
+        }
+    }
+    let files = TlsFiles::of(|key| paths.get(key).copied());
+    valid.then_some(files)
 }
 
 fn texts(reader: &mut ConfigReader, node: &Node, what: &str) -> Option<Vec<String>> {
@@ -89,10 +156,17 @@ fn texts(reader: &mut ConfigReader, node: &Node, what: &str) -> Option<Vec<Strin
     texts.into_iter().collect()
 }
 
+/// How a link is reached.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Protocol {
+    Tcp,
+    Tls,
+}
+
 fn endpoints(
     reader: &mut ConfigReader,
-    fields: &Fields<'_>,
-    key: &'static str,
+    (fields, key): (&Fields<'_>, &'static str),
+    protocol: Option<Protocol>,
     ports: &BTreeMap<String, u16>,
 ) -> Option<Vec<String>> {
     let Some(node) = fields.get(key) else {
@@ -102,27 +176,51 @@ fn endpoints(
     let endpoints = list.iter().map(|node| {
         let text = reader.text(node, key)?;
         let text = ports::substitute(reader, text, node.span, ports)?;
-        endpoint(reader, node.span, &text)
+        endpoint(reader, node.span, &text, protocol)
     });
     let endpoints: Vec<Option<String>> = endpoints.collect();
     endpoints.into_iter().collect()
 }
 
-/// Checks `tcp/HOST:PORT`.
-fn endpoint(reader: &mut ConfigReader, place: Span, text: &str) -> Option<String> {
+/// Checks `tcp/HOST:PORT` or `tls/HOST:PORT`, and that it is the protocol of the link, if that is known.
+fn endpoint(
+    reader: &mut ConfigReader,
+    place: Span,
+    text: &str,
+    protocol: Option<Protocol>,
+) -> Option<String> {
     if is_endpoint(text) {
-        return Some(text.to_owned());
+        let (message, help) = match (protocol, is_tls(text)) {
+            (Some(Protocol::Tcp), true) => (
+                format!("`{text}` needs certificates"),
+                "add `tls: {authority: FILE, certificate: FILE, key: FILE}` to the link",
+            ),
+            (Some(Protocol::Tls), false) => (
+                format!("`{text}` is not encrypted, but the link has `tls`"),
+                "write `tls/HOST:PORT`",
+            ),
+            _ => return Some(text.to_owned()),
+        };
+        reader.report(error(codes::BAD_ADDRESS, place, message).help(help));
+        return None;
     }
     let message = format!("`{text}` is not an endpoint");
-    let help = "write protocol, host and port: `tcp/192.168.0.1:7447`";
+    let help = "write protocol, host and port: `tcp/192.168.0.1:7447` or `tls/…`";
     reader.report(error(codes::BAD_ADDRESS, place, message).help(help));
     None
 }
 
-/// Returns true for an endpoint of the link: `tcp/HOST:PORT`.
+/// Returns true for an endpoint with mutual TLS.
+#[must_use]
+pub fn is_tls(endpoint: &str) -> bool {
+    endpoint.starts_with("tls/")
+}
+
+/// Returns true for an endpoint of the link: `tcp/HOST:PORT` or `tls/HOST:PORT`.
 #[must_use]
 pub fn is_endpoint(text: &str) -> bool {
-    let Some(address) = text.strip_prefix("tcp/") else {
+    let address = text.strip_prefix("tcp/").or(text.strip_prefix("tls/"));
+    let Some(address) = address else {
         return false;
     };
     let Some((host, port)) = address.rsplit_once(':') else {
@@ -208,6 +306,40 @@ mod tests {
             Path::new(""),
         );
         assert_eq!(without.expect("a cell").link, None);
+    }
+
+    #[test]
+    fn tls_needs_all_files_and_every_endpoint() {
+        let files =
+            "tls: {authority: /etc/ca.pem, certificate: /etc/press.pem, key: /etc/press.key}";
+        let link = cell(&format!(
+            "{{site: lab, listen: [\"tls/10.0.0.1:7447\"], {files}}}"
+        ));
+        let link = link.expect("a cell").link.expect("a link");
+        let tls = link.tls.expect("files");
+        assert_eq!(tls.certificate, Path::new("/etc/press.pem"));
+        let rows = [
+            (
+                format!("{{site: lab, listen: [\"tcp/10.0.0.1:7447\"], {files}}}"),
+                "is not encrypted, but the link has `tls`",
+            ),
+            (
+                "{site: lab, listen: [\"tls/10.0.0.1:7447\"]}".to_owned(),
+                "`tls/10.0.0.1:7447` needs certificates",
+            ),
+            (
+                "{site: lab, tls: {authority: ca.pem, certificate: /a, key: /b}}".to_owned(),
+                "`ca.pem` is not an absolute path",
+            ),
+            (
+                "{site: lab, tls: {authority: /a, certificate: /b}}".to_owned(),
+                "needs a key `key`",
+            ),
+        ];
+        for (link, words) in rows {
+            let shown = cell(&link).expect_err(words).render(false);
+            assert!(shown.contains(words), "{words}: {shown}");
+        }
     }
 
     #[test]

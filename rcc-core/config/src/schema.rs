@@ -213,6 +213,15 @@ fn link_of_cell() -> Value {
                 "type": "object",
                 "additionalProperties": texts("Names of nets."),
             },
+            "tls": object(
+                "Files (PEM, absolute paths) for mutual TLS; then all endpoints are `tls/HOST:PORT`.",
+                &crate::link::TLS_KEYS,
+                json!({
+                    "authority": text("Certificate of the authority that signed those of all cells."),
+                    "certificate": text("Certificate of this cell; its common name is SITE/CELL."),
+                    "key": text("Its private key."),
+                }),
+            ),
         }),
     )
 }
@@ -458,6 +467,7 @@ mod tests {
             (&["recorder"], &crate::recorder::KEYS),
             (&["access"], &crate::access::KEYS),
             (&["link"], &crate::link::KEYS),
+            (&["link", "tls"], &crate::link::TLS_KEYS),
         ] {
             assert_eq!(keys(&schema, path), sorted(known), "{path:?}");
         }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, Parser, Subcommand};
 use rcc_config::CellConfig;
-use rcc_config::link::{is_cell_key, is_endpoint};
+use rcc_config::link::{TlsFiles, is_cell_key, is_endpoint};
 use rcc_link::fleet::{self, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
 use rcc_link::keys::Operation;
@@ -58,6 +58,41 @@ struct Reach {
     /// Endpoint of an rcc-link or a router, such as tcp/192.168.0.7:7447
     #[arg(long, value_name = "ENDPOINT", required = true, value_parser = endpoint)]
     connect: Vec<String>,
+    #[command(flatten)]
+    tls: Tls,
+}
+
+/// Files (PEM) for endpoints `tls/…`: all three, or none.
+#[derive(Args)]
+struct Tls {
+    /// Certificate of the authority that signed those of all cells
+    #[arg(long, value_name = "FILE", requires_all = ["certificate", "key"])]
+    authority: Option<PathBuf>,
+    /// Own certificate; its common name is SITE/CELL, or that of a person
+    #[arg(long, value_name = "FILE", requires_all = ["authority", "key"])]
+    certificate: Option<PathBuf>,
+    /// Its private key
+    #[arg(long, value_name = "FILE", requires_all = ["authority", "certificate"])]
+    key: Option<PathBuf>,
+}
+
+impl Reach {
+    fn session(&self) -> Result<zenoh::Session, FleetError> {
+        let Tls {
+            authority,
+            certificate,
+            key,
+        } = &self.tls;
+        let files = match (authority, certificate, key) {
+            (Some(authority), Some(certificate), Some(key)) => Some(TlsFiles {
+                authority: authority.clone(),
+                certificate: certificate.clone(),
+                key: key.clone(),
+            }),
+            _ => None,
+        };
+        fleet::connect(&self.connect, files.as_ref())
+    }
 }
 
 #[derive(Args)]
@@ -77,7 +112,10 @@ struct Ask {
 fn endpoint(text: &str) -> Result<String, String> {
     match is_endpoint(text) {
         true => Ok(text.to_owned()),
-        false => Err("write protocol, host and port: tcp/192.168.0.7:7447".to_owned()),
+        false => Err(
+            "write protocol, host and port: tcp/192.168.0.7:7447 or tls/192.168.0.7:7447"
+                .to_owned(),
+        ),
     }
 }
 
@@ -125,7 +163,7 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
             parent_death,
         } => serve(cell, &config, parent_death),
         LinkCommand::Cells { reach, site } => {
-            let session = fleet::connect(&reach.connect)?;
+            let session = reach.session()?;
             for (name, cell) in fleet::cells(&session, &site)? {
                 rcc_process::say(&row(&name, &cell));
             }
@@ -137,7 +175,7 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
 }
 
 fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {
-    let session = fleet::connect(&ask.reach.connect)?;
+    let session = ask.reach.session()?;
     let answer = fleet::ask(&session, (&ask.peer, &ask.cell), operation, &ask.net)?;
     rcc_process::say(&format!(
         "{}  {} in cycle {}",

@@ -244,7 +244,7 @@ fn a_topic_of_a_peer_becomes_an_input() {
             reason: NO_CONNECTION
         })
     );
-    let sender = session::open(&[format!("tcp/127.0.0.1:{port}")], &[]).expect("a session");
+    let sender = session::open(&[format!("tcp/127.0.0.1:{port}")], &[], None).expect("a session");
     let key = CellKeys::new("lab", "press").topic("force").expect("a key");
     let mut sequence = 0;
     let exchange = loop {
