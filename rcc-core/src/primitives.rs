@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 pub use crate::primitive::CatalogueEntry;
-use crate::primitive::Kernel;
-use crate::topic;
+use crate::primitive::{Kernel, Port};
+use crate::{fnv, topic};
 
 mod arithmetic;
 mod arms;
@@ -170,15 +170,36 @@ const TIME_LAWS: &str = "time laws 2";
 
 /// Returns a hash of names, ports and parameters, and of the version of time laws: builds with equal fingerprints agree on
 /// the meaning of kernel numbers and plan the same motions.
-pub fn fingerprint() -> u64 {
-    let entries = CATALOGUE.iter().flat_map(|entry| {
-        let spec = &entry.spec;
-        let ports = spec.inputs.iter().chain(spec.outputs);
-        let names = ports.map(|port| port.name);
-        let parameters = spec.parameters.iter().map(|parameter| parameter.name);
-        [spec.name].into_iter().chain(names).chain(parameters)
-    });
-    topic::hash(entries.chain([TIME_LAWS]))
+pub const fn fingerprint() -> u64 {
+    FINGERPRINT
+}
+
+// Evaluated at compile time: every net that is loaded is compared with it several times.
+#[allow(clippy::indexing_slicing)]
+const FINGERPRINT: u64 = {
+    let (mut hash, mut row) = (fnv::EMPTY, 0);
+    while row < CATALOGUE.len() {
+        let spec = &CATALOGUE[row].spec;
+        hash = topic::add(hash, spec.name);
+        hash = add_ports(add_ports(hash, spec.inputs), spec.outputs);
+        let mut next = 0;
+        while next < spec.parameters.len() {
+            hash = topic::add(hash, spec.parameters[next].name);
+            next += 1;
+        }
+        row += 1;
+    }
+    topic::add(hash, TIME_LAWS)
+};
+
+#[allow(clippy::indexing_slicing)]
+const fn add_ports(mut hash: u64, ports: &[Port]) -> u64 {
+    let mut next = 0;
+    while next < ports.len() {
+        hash = topic::add(hash, ports[next].name);
+        next += 1;
+    }
+    hash
 }
 
 #[cfg(test)]

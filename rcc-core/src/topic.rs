@@ -25,11 +25,13 @@ impl Topic {
 }
 
 /// Returns a hash of the texts in sequence.
-pub(crate) fn hash<'a>(texts: impl IntoIterator<Item = &'a str>) -> u64 {
-    let texts = texts.into_iter();
-    texts.fold(fnv::EMPTY, |hash, text| {
-        fnv::step(fnv::add(hash, text.as_bytes()), 0)
-    })
+fn hash<'a>(texts: impl IntoIterator<Item = &'a str>) -> u64 {
+    texts.into_iter().fold(fnv::EMPTY, add)
+}
+
+/// Adds a text to a hash.
+pub(crate) const fn add(hash: u64, text: &str) -> u64 {
+    fnv::step(fnv::add(hash, text.as_bytes()), 0)
 }
 
 #[cfg(test)]

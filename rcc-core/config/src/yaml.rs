@@ -235,12 +235,12 @@ fn unquoted_part(text: &str, bracket: usize) -> Option<&str> {
 }
 
 /// A list or mapping that is being parsed.
-enum OpenNode {
+enum OpenNode<'a> {
     List(Vec<Node>),
     Map {
         entries: Vec<Entry>,
         /// Names of all entries, once there are many.
-        keys: HashSet<String>,
+        keys: HashSet<Cow<'a, str>>,
         /// The key whose value comes next, and whether it is the first one with its name.
         key: Option<(Key, bool)>,
     },
@@ -250,19 +250,20 @@ enum OpenNode {
 const FEW_ENTRIES: usize = 16;
 
 /// Whether a mapping has no entry of this name yet.
-fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<String>) -> bool {
+fn is_new<'a>(name: &Cow<'a, str>, entries: &[Entry], keys: &mut HashSet<Cow<'a, str>>) -> bool {
     if entries.len() < FEW_ENTRIES {
-        return entries.iter().all(|entry| entry.key.name != name);
+        return entries.iter().all(|entry| entry.key.name != *name);
     }
     if keys.is_empty() {
-        keys.extend(entries.iter().map(|entry| entry.key.name.clone()));
+        let names = entries.iter().map(|entry| entry.key.name.clone());
+        keys.extend(names.map(Cow::Owned));
     }
-    keys.insert(name.to_owned())
+    keys.insert(name.clone())
 }
 
 struct TreeBuilder<'a> {
     text: &'a str,
-    stack: Vec<(OpenNode, Span)>,
+    stack: Vec<(OpenNode<'a>, Span)>,
     documents: usize,
     root: Option<Node>,
     faults: Vec<Diagnostic>,
@@ -287,7 +288,7 @@ impl<'a> TreeBuilder<'a> {
         (Some(self.root.unwrap_or(null)), self.faults)
     }
 
-    fn take(&mut self, event: Event<'_>, span: ParserSpan) -> Result<(), Box<Diagnostic>> {
+    fn take(&mut self, event: Event<'a>, span: ParserSpan) -> Result<(), Box<Diagnostic>> {
         let place = self.place(span);
         let refuse = |what: &str, help: &str| {
             let message = format!("{what} are not supported");
@@ -334,7 +335,7 @@ impl<'a> TreeBuilder<'a> {
 
     fn scalar(
         &mut self,
-        text: Cow<'_, str>,
+        text: Cow<'a, str>,
         style: ScalarStyle,
         span: Span,
     ) -> Result<(), Box<Diagnostic>> {
@@ -342,8 +343,8 @@ impl<'a> TreeBuilder<'a> {
         if let Some((OpenNode::Map { entries, keys, key }, _)) = self.stack.last_mut()
             && key.is_none()
         {
+            let first = is_new(&text, entries, keys);
             let name = text.into_owned();
-            let first = is_new(&name, entries, keys);
             if !first {
                 let message = format!("`{name}` is given twice in one mapping");
                 let fault = Diagnostic::error(DUPLICATE_KEY, span, message).label("given before");
@@ -373,7 +374,7 @@ impl<'a> TreeBuilder<'a> {
         self.open(map, span)
     }
 
-    fn open(&mut self, open: OpenNode, span: Span) -> Result<(), Box<Diagnostic>> {
+    fn open(&mut self, open: OpenNode<'a>, span: Span) -> Result<(), Box<Diagnostic>> {
         if let Some((OpenNode::Map { key: None, .. }, _)) = self.stack.last() {
             let fault =
                 Diagnostic::error(NOT_SUPPORTED, span, "a list or mapping is used as a key");
@@ -430,6 +431,10 @@ impl<'a> TreeBuilder<'a> {
 
 /// Reports an unprintable character: names from nets and configurations are printed by every program of a cell.
 fn unprintable(text: &str, span: Span) -> Option<Diagnostic> {
+    // Nearly all texts are ASCII, which is checked faster.
+    if text.bytes().all(|byte| matches!(byte, b' '..=b'~')) {
+        return None;
+    }
     let (_, character) = first_unprintable(text)?;
     let message = format!(
         "the text contains the unprintable character U+{:04X}",
@@ -452,6 +457,10 @@ fn plain(text: Cow<'_, str>) -> Value {
 /// Parses a number as in JSON, also with a leading `+` or with digits on only one side of the point.
 fn number(text: &str) -> Option<Value> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    // Most texts are names.
+    if !digits.starts_with(|first: char| first.is_ascii_digit() || first == '.') {
+        return None;
+    }
     let (mantissa, exponent) = match digits.split_once(['e', 'E']) {
         Some((mantissa, exponent)) => (mantissa, Some(exponent)),
         None => (digits, None),

@@ -4,6 +4,8 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use crate::adjacency::Adjacency;
+
 /// The strongly connected components of a graph.
 #[derive(Debug)]
 pub struct Components {
@@ -15,7 +17,7 @@ pub struct Components {
 const NEW: usize = usize::MAX;
 
 struct Search<'a> {
-    sources: &'a [Vec<usize>],
+    sources: &'a Adjacency,
     order: Vec<usize>,
     low: Vec<usize>,
     on_stack: Vec<bool>,
@@ -28,8 +30,8 @@ struct Search<'a> {
 impl Components {
     /// Computes the components.
     #[must_use]
-    pub fn of(sources: &[Vec<usize>]) -> Components {
-        let count = sources.len();
+    pub fn of(sources: &Adjacency) -> Components {
+        let count = sources.count();
         let mut search = Search {
             sources,
             order: vec![NEW; count],
@@ -56,7 +58,7 @@ impl Components {
 
     /// Returns the components that contain a cycle, each in order of its nodes.
     #[must_use]
-    pub fn loops(&self, sources: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    pub fn loops(&self, sources: &Adjacency) -> Vec<Vec<usize>> {
         let in_loops = self.in_loops(sources);
         let mut loops: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (node, component) in self.of.iter().enumerate() {
@@ -69,11 +71,11 @@ impl Components {
 
     /// Returns, by node, whether it lies on a cycle.
     #[must_use]
-    pub fn in_loops(&self, sources: &[Vec<usize>]) -> Vec<bool> {
-        let on_circle = |(node, sources): (usize, &Vec<usize>)| {
+    pub fn in_loops(&self, sources: &Adjacency) -> Vec<bool> {
+        let on_circle = |(node, sources): (usize, &[usize])| {
             sources.iter().any(|source| self.same(node, *source))
         };
-        sources.iter().enumerate().map(on_circle).collect()
+        sources.rows().map(on_circle).collect()
     }
 }
 
@@ -84,7 +86,7 @@ impl Search<'_> {
         self.enter(root);
         while let Some((node, next)) = path.last_mut() {
             let node = *node;
-            if let Some(&source) = self.sources[node].get(*next) {
+            if let Some(&source) = self.sources.of(node).get(*next) {
                 *next += 1;
                 if self.order[source] == NEW {
                     self.enter(source);
@@ -127,7 +129,7 @@ impl Search<'_> {
 /// Returns a shortest cycle through the first node of a component that is a loop, in the direction from source to
 /// reader.
 #[must_use]
-pub fn circle(sources: &[Vec<usize>], component: &[usize]) -> Vec<usize> {
+pub fn circle(sources: &Adjacency, component: &[usize]) -> Vec<usize> {
     let Some(&first) = component.first() else {
         return Vec::new();
     };
@@ -135,7 +137,7 @@ pub fn circle(sources: &[Vec<usize>], component: &[usize]) -> Vec<usize> {
     let mut towards: BTreeMap<usize, usize> = BTreeMap::new();
     let mut queue = VecDeque::from([first]);
     while let Some(node) = queue.pop_front() {
-        for &source in sources.get(node).into_iter().flatten() {
+        for &source in sources.of(node) {
             if source == first {
                 let mut path = vec![first];
                 let mut at = node;
@@ -161,7 +163,7 @@ mod tests {
     #[test]
     fn cycles_are_found_in_the_direction_of_values() {
         // 0 reads 2, 1 reads 0, 2 reads 1; 3 reads 0; 4 reads itself.
-        let sources = vec![vec![2], vec![0], vec![1], vec![0], vec![4]];
+        let sources: Adjacency = [[2], [0], [1], [0], [4]].into_iter().collect();
         let components = Components::of(&sources);
         let loops = components.loops(&sources);
         assert_eq!(loops.len(), 2);
@@ -174,11 +176,13 @@ mod tests {
     #[test]
     fn a_long_chain_needs_no_deep_stack() {
         let count = 300_000;
-        let mut sources: Vec<Vec<usize>> = (0..count)
-            .map(|node| if node == 0 { vec![] } else { vec![node - 1] })
-            .collect();
+        let chain = |first: Option<usize>| -> Adjacency {
+            let before = (0..count).map(|node: usize| node.checked_sub(1));
+            before.map(|before| before.or(first)).collect()
+        };
+        let sources = chain(None);
         assert!(Components::of(&sources).loops(&sources).is_empty());
-        sources[0].push(count - 1);
+        let sources = chain(Some(count - 1));
         let loops = Components::of(&sources).loops(&sources);
         assert_eq!(loops[0].len(), count);
         assert_eq!(circle(&sources, &loops[0]).len(), count);

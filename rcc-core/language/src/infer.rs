@@ -5,7 +5,8 @@
 mod type_solver;
 mod unit_solver;
 
-use rcc_core::primitive::{Dim, Port, PortType, UnitRule};
+use rcc_core::primitive::{Dim, Port, PortType, Spec, UnitRule};
+use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
@@ -23,7 +24,7 @@ pub struct Inferred {
     open: Vec<TypeVariables>,
     /// Number of joints of its device, by item.
     joints: Vec<Option<u16>>,
-    unit_variables: Vec<UnitVariables>,
+    unit_variables: UnitVariables,
     units: Vec<Option<Unit>>,
 }
 
@@ -57,8 +58,57 @@ pub(crate) fn has_unit(ty: Type) -> bool {
     )
 }
 
-/// The unit variables of one item: rule, and index of the variable in the solver.
-type UnitVariables = Vec<(UnitRule, usize)>;
+/// The unit variables of all items: one for each unit that the spec of an item leaves open.
+#[derive(Debug, Default)]
+struct UnitVariables {
+    /// Open units of a primitive, by row of the catalogue; `None` for rows that the net does not use.
+    rules: Vec<Option<Vec<UnitRule>>>,
+    /// Index of its first variable in the solver, by item.
+    first: Vec<usize>,
+    count: usize,
+}
+
+impl UnitVariables {
+    fn of(graph: &NetGraph<'_>) -> UnitVariables {
+        let mut variables = UnitVariables {
+            rules: vec![None; CATALOGUE.len()],
+            ..UnitVariables::default()
+        };
+        for item in &graph.items {
+            variables.first.push(variables.count);
+            if let Some(rules) = variables.rules.get_mut(item.row) {
+                let rules = rules.get_or_insert_with(|| open_units(item.spec()));
+                variables.count += rules.len();
+            }
+        }
+        variables
+    }
+
+    /// Returns the variables of an item with their rules.
+    fn item(&self, graph: &NetGraph<'_>, number: usize) -> impl Iterator<Item = (UnitRule, usize)> {
+        let rules = graph
+            .items
+            .get(number)
+            .and_then(|item| self.rules.get(item.row));
+        let first = self.first.get(number).copied().unwrap_or(0);
+        rules.into_iter().flatten().flatten().copied().zip(first..)
+    }
+
+    fn term(&self, graph: &NetGraph<'_>, number: usize, rule: UnitRule) -> UnitTerm {
+        match rule {
+            UnitRule::Is(unit) => UnitTerm::Fixed(unit),
+            UnitRule::Typed => UnitTerm::None,
+            UnitRule::Channel => {
+                let channel = graph.items.get(number).and_then(|item| item.channel);
+                channel.map_or(UnitTerm::None, |(_, unit)| UnitTerm::Fixed(unit))
+            }
+            _ => {
+                let found = self.item(graph, number).find(|(known, _)| *known == rule);
+                found.map_or(UnitTerm::None, |(_, variable)| UnitTerm::Variable(variable))
+            }
+        }
+    }
+}
 
 /// A unit: fixed, a variable of the solver, or nothing to compare.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,11 +142,7 @@ impl Inferred {
     /// error.
     #[must_use]
     pub fn port_unit(&self, graph: &NetGraph<'_>, number: usize, rule: UnitRule) -> Option<Unit> {
-        match unit_term(
-            graph.items.get(number)?,
-            self.unit_variables.get(number)?,
-            rule,
-        ) {
+        match self.unit_variables.term(graph, number, rule) {
             UnitTerm::Fixed(unit) => Some(unit),
             UnitTerm::Variable(variable) => self.units.get(variable).copied().flatten(),
             UnitTerm::None => None,
@@ -202,26 +248,6 @@ fn port_of(graph: &NetGraph<'_>, output: OutputId) -> Option<&'static Port> {
         .get(output.port)
 }
 
-fn unit_term(
-    item: &ResolvedPrimitive<'_>,
-    unit_variables: &UnitVariables,
-    rule: UnitRule,
-) -> UnitTerm {
-    match rule {
-        UnitRule::Is(unit) => UnitTerm::Fixed(unit),
-        UnitRule::Typed => UnitTerm::None,
-        UnitRule::Channel => item
-            .channel
-            .map_or(UnitTerm::None, |(_, unit)| UnitTerm::Fixed(unit)),
-        _ => {
-            let found = unit_variables.iter().find(|(known, _)| *known == rule);
-            found.map_or(UnitTerm::None, |(_, variable)| {
-                UnitTerm::Variable(*variable)
-            })
-        }
-    }
-}
-
 /// Infers the types and units of all ports.
 #[must_use]
 pub fn infer(graph: &NetGraph<'_>) -> Inferred {
@@ -237,7 +263,7 @@ pub fn infer(graph: &NetGraph<'_>) -> Inferred {
     let mut inferred = Inferred {
         open: type_solver::infer(graph, &joints),
         joints,
-        unit_variables: Vec::new(),
+        unit_variables: UnitVariables::of(graph),
         units: Vec::new(),
     };
     infer_units(graph, &mut inferred);
@@ -262,22 +288,8 @@ pub fn literals<'g>(
 }
 
 fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
-    let mut count = 0;
-    for item in &graph.items {
-        inferred
-            .unit_variables
-            .push(unit_variables_of(item, &mut count));
-    }
-    let mut solver = UnitSolver::new(count);
-    let term = |number: usize, rule: UnitRule| {
-        let found = graph
-            .items
-            .get(number)
-            .zip(inferred.unit_variables.get(number));
-        found.map_or(UnitTerm::None, |(item, unit_variables)| {
-            unit_term(item, unit_variables, rule)
-        })
-    };
+    let mut constraints = Vec::new();
+    let term = |number: usize, rule: UnitRule| inferred.unit_variables.term(graph, number, rule);
     for DeclaredInput {
         item,
         input,
@@ -287,7 +299,7 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
         let port = graph.items.get(*item);
         let port = port.and_then(|item| item.spec().inputs.get(*input));
         if let (Some(port), Some((unit, _))) = (port, declaration.unit) {
-            solver.add(UnitConstraint::Equal(
+            constraints.push(UnitConstraint::Equal(
                 UnitTerm::Fixed(unit),
                 term(*item, port.unit),
             ));
@@ -296,7 +308,7 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
     for (number, item) in graph.items.iter().enumerate() {
         if let Some((variable, unit)) = item.declared_unit() {
             let variable = term(number, UnitRule::Var(variable));
-            solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), variable));
+            constraints.push(UnitConstraint::Equal(UnitTerm::Fixed(unit), variable));
         }
         for (port, link) in item.links() {
             let (Some(port), Some(from)) =
@@ -313,9 +325,9 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
             let sink = of(sink_unit, term(number, port.unit));
             let source = inferred.source_unit(graph, link);
             let source = of(source, term(link.from.item, from.unit));
-            solver.add(UnitConstraint::Equal(source, sink));
+            constraints.push(UnitConstraint::Equal(source, sink));
             for (unit, _) in link.initial.map(Literal::units).unwrap_or_default() {
-                solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
+                constraints.push(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
             }
         }
         for (port, list) in item.lists() {
@@ -327,23 +339,23 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
                 if inferred.sink_unit(number, port, *position) == PartUnit::Port {
                     for (unit, _) in literal.units() {
                         let sink = term(number, port.unit);
-                        solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
+                        constraints.push(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
                     }
                 }
             }
         }
         for (literal, _, rule) in literals(item) {
             for (unit, _) in literal.units() {
-                solver.add(UnitConstraint::Equal(
+                constraints.push(UnitConstraint::Equal(
                     UnitTerm::Fixed(unit),
                     term(number, rule),
                 ));
             }
         }
-        for (rule, variable) in inferred.unit_variables.get(number).into_iter().flatten() {
+        for (rule, variable) in inferred.unit_variables.item(graph, number) {
             let open = |index: u8| term(number, UnitRule::Var(index));
-            let result = UnitTerm::Variable(*variable);
-            solver.add(match *rule {
+            let result = UnitTerm::Variable(variable);
+            constraints.push(match rule {
                 UnitRule::Product(a, b) => UnitConstraint::Product(open(a), open(b), result),
                 UnitRule::Quotient(a, b) => UnitConstraint::Product(result, open(b), open(a)),
                 UnitRule::PerSecond(a) => {
@@ -362,6 +374,8 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
             });
         }
     }
+    let count = inferred.unit_variables.count;
+    let mut solver = UnitSolver::new(count, constraints);
     solver.solve();
     for variable in 0..count {
         solver.decide(variable, Unit::ONE);
@@ -369,10 +383,8 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
     inferred.units = solver.values;
 }
 
-/// Creates one variable for each unit that the spec of an item leaves open, in the order of the spec, plain variables
-/// first.
-fn unit_variables_of(item: &ResolvedPrimitive<'_>, count: &mut usize) -> UnitVariables {
-    let spec = item.spec();
+/// Returns each unit that a spec leaves open, in the order of the spec, plain variables first.
+fn open_units(spec: &Spec) -> Vec<UnitRule> {
     let ports = spec.inputs.iter().chain(spec.outputs).map(|port| port.unit);
     let parameters = spec
         .parameters
@@ -406,12 +418,11 @@ fn unit_variables_of(item: &ResolvedPrimitive<'_>, count: &mut usize) -> UnitVar
                 | UnitRule::Root(_)
         )
     });
-    let mut unit_variables = UnitVariables::new();
+    let mut open = Vec::new();
     for rule in plain.chain(derived).chain(others) {
-        if !unit_variables.iter().any(|(known, _)| *known == rule) {
-            unit_variables.push((rule, *count));
-            *count += 1;
+        if !open.contains(&rule) {
+            open.push(rule);
         }
     }
-    unit_variables
+    open
 }

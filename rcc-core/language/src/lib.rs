@@ -4,6 +4,7 @@
 //! `compile` runs the passes in order: [`parse`], `library`, `leg_conditions`, `formula`, `expand`, `resolve`, `infer`, `check`, `lower`; each is the
 //! module of its name. [`syntax`] is what they begin with, `names` what users see of the plan.
 
+mod adjacency;
 pub mod bundle;
 pub mod check;
 pub mod codes;

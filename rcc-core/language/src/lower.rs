@@ -317,6 +317,7 @@ impl<'a> Lowering<'a> {
 
     fn place_inputs(&mut self, number: usize) {
         let item = self.item(number);
+        self.slots[number].inputs.reserve_exact(item.inputs.len());
         for (index, (input_source, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate()
         {
             let ty = self.port_type(number, port);

@@ -12,6 +12,7 @@ use std::collections::VecDeque;
 
 use rcc_core::primitive::{DefaultValue as Default, NullRule, Role};
 
+use crate::adjacency::Adjacency;
 use crate::resolve::{
     InputSource, ListElement, NetGraph, OutputId, ResolvedLink, ResolvedPrimitive,
 };
@@ -61,14 +62,11 @@ pub fn analyse_nulls(graph: &NetGraph<'_>) -> NullAnalysis {
     let mut nulls = NullAnalysis {
         causes: vec![None; graph.items.len()],
     };
-    let mut readers = vec![Vec::new(); graph.items.len()];
-    for (number, item) in graph.items.iter().enumerate() {
-        for (_, link) in item.links() {
-            if let Some(readers) = readers.get_mut(link.from.item) {
-                readers.push(number);
-            }
-        }
-    }
+    let sources = graph.items.iter().map(|item| {
+        let links = item.links();
+        links.map(|(_, link)| link.from.item)
+    });
+    let readers = sources.collect::<Adjacency>().reversed(graph.items.len());
     // Breadth first from the origins, so that the stored path is a shortest one.
     let mut queue: VecDeque<usize> = (0..graph.items.len()).collect();
     let mut first_wave = queue.len();
@@ -84,7 +82,7 @@ pub fn analyse_nulls(graph: &NetGraph<'_>) -> NullAnalysis {
         };
         if let (Some(cause), Some(place)) = (cause, nulls.causes.get_mut(number)) {
             *place = Some(cause);
-            queue.extend(readers.get(number).into_iter().flatten());
+            queue.extend(readers.of(number));
         }
     }
     nulls

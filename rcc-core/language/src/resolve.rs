@@ -47,17 +47,16 @@ pub fn resolve<'a>(
         instances: &flat.instances,
         cell,
         diagnostics,
-        ids: HashMap::new(),
-        rows: Vec::new(),
+        ids: HashMap::with_capacity(net.primitives.len()),
+        rows: Vec::with_capacity(net.primitives.len()),
         counted_as_read: Vec::new(),
         suggestions: Suggestions::default(),
     };
     resolver.find_types();
-    let mut items = Vec::new();
-    let rows = net.primitives.iter().zip(resolver.rows.clone());
-    for (number, (primitive, row)) in rows.enumerate() {
+    let mut items = Vec::with_capacity(net.primitives.len());
+    for (number, primitive) in net.primitives.iter().enumerate() {
         let region = flat.region_of.get(number).copied().flatten();
-        match row {
+        match resolver.rows.get(number).copied().flatten() {
             Some((row, entry)) => items.push(ResolvedPrimitive {
                 region,
                 ..resolver.item(primitive, row, entry)
@@ -196,7 +195,7 @@ impl<'a> Resolver<'a, '_> {
                 self.unknown(codes::UNKNOWN_PARAMETER, key, spec, "parameter", help);
             }
         }
-        let mut found = Vec::new();
+        let mut found = Vec::with_capacity(spec.parameters.len());
         for parameter in spec.parameters {
             let given = primitive
                 .parameters

@@ -113,7 +113,7 @@ impl Source {
     #[must_use]
     pub fn constants(&self) -> Vec<&Literal> {
         match self {
-            Source::Link(link) => link.initial.iter().collect(),
+            Source::Link(link) => link.initial.as_deref().into_iter().collect(),
             Source::Literal(literal) => vec![literal],
             Source::List(list) => list.elements.iter().flat_map(Source::constants).collect(),
             Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::constants).collect(),
@@ -170,7 +170,7 @@ pub struct Link {
     /// True if it carries the value of the previous cycle.
     pub delayed: bool,
     /// Value of a delayed link in the first cycle.
-    pub initial: Option<Literal>,
+    pub initial: Option<Box<Literal>>,
     /// Span of the link.
     pub span: Span,
 }

@@ -209,7 +209,7 @@ fn source() -> impl Strategy<Value = Source> {
         link.prop_map(|(from, delayed, initial)| Source::Link(Link {
             from,
             delayed,
-            initial: initial.filter(|_| delayed),
+            initial: initial.filter(|_| delayed).map(Box::new),
             span: Span::default(),
         })),
         // Text in the place of a link would be read as a link.

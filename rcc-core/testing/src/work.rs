@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use nix::time::{ClockId, clock_gettime};
 
-fn processor_time() -> Duration {
+/// Returns the processor time of the calling thread so far.
+pub fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID);
     time.expect("Linux counts it").into()
 }

@@ -392,7 +392,7 @@ impl NetWriter<'_> {
         InputSource::Link(Link {
             from: reference(self.ids, output, span),
             delayed: initial.is_some(),
-            initial,
+            initial: initial.map(Box::new),
             span,
         })
     }

@@ -28,8 +28,52 @@ pub fn inputs_are_connected(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     }
 }
 
+/// A set of outputs of a net.
+#[derive(Clone)]
+pub(super) struct OutputSet {
+    /// Place of the first output of an item, by item; then the number of all places.
+    first: Vec<usize>,
+    /// Whether an output is in the set, by its place.
+    has: Vec<bool>,
+}
+
+impl OutputSet {
+    fn of(net: Typed<'_>, outputs: impl IntoIterator<Item = OutputId>) -> OutputSet {
+        let (mut first, mut count) = (vec![0], 0);
+        for item in &net.graph.items {
+            count += item.spec().outputs.len();
+            first.push(count);
+        }
+        let has = vec![false; count];
+        let mut set = OutputSet { first, has };
+        set.extend(outputs);
+        set
+    }
+
+    fn extend(&mut self, outputs: impl IntoIterator<Item = OutputId>) {
+        for output in outputs {
+            let first = self.first.get(output.item).copied();
+            if let Some(has) = first.and_then(|first| self.has.get_mut(first + output.port)) {
+                *has = true;
+            }
+        }
+    }
+
+    /// Returns, by output of an item, whether it is in the set.
+    pub(super) fn item(&self, number: usize) -> &[bool] {
+        match self.first.get(number..) {
+            Some([first, end, ..]) => self.has.get(*first..*end).unwrap_or(&[]),
+            _ => &[],
+        }
+    }
+
+    fn contains(&self, output: OutputId) -> bool {
+        self.item(output.item).get(output.port) == Some(&true)
+    }
+}
+
 /// Returns all outputs that an input or a condition reads.
-fn linked(net: Typed<'_>) -> BTreeSet<OutputId> {
+fn linked(net: Typed<'_>) -> OutputSet {
     let links = net.graph.items.iter().flat_map(|item| item.links());
     let links = links.map(|(_, link)| link);
     let regions = net.graph.regions.iter();
@@ -37,20 +81,21 @@ fn linked(net: Typed<'_>) -> BTreeSet<OutputId> {
         InputSource::Link(link) => Some(link),
         _ => None,
     });
-    links.chain(conditions).map(|link| link.from).collect()
+    OutputSet::of(net, links.chain(conditions).map(|link| link.from))
 }
 
 /// Returns all outputs that an input, a condition or something refused reads.
-fn read(net: Typed<'_>) -> BTreeSet<OutputId> {
+fn read(net: Typed<'_>) -> OutputSet {
     let mut read = linked(net);
     read.extend(net.graph.counted_as_read.iter().copied());
     read
 }
 
 /// Returns all outputs that are read or listed in `discard`.
-pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
-    let discarded = net.graph.discarded.iter().map(|(output, _)| *output);
-    read(net).into_iter().chain(discarded).collect()
+pub(super) fn read_or_discarded(net: Typed<'_>) -> OutputSet {
+    let mut used = read(net);
+    used.extend(net.graph.discarded.iter().map(|(output, _)| *output));
+    used
 }
 
 /// Requires that one output of each primitive is read, or that all are listed in `discard`: a primitive of which nothing
@@ -65,24 +110,14 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagn
         return;
     }
     let (read, used) = (read(net), read_or_discarded(net));
-    let in_use: BTreeSet<usize> = read.iter().map(|output| output.item).collect();
     for (number, item) in net.graph.items.iter().enumerate() {
-        if in_use.contains(&number) {
+        if read.item(number).contains(&true) {
             continue;
         }
-        let unread: Vec<String> = item
-            .spec()
-            .outputs
-            .iter()
-            .enumerate()
-            .filter(|(port, spec)| {
-                let output = OutputId {
-                    item: number,
-                    port: *port,
-                };
-                !spec.diagnostic && !used.contains(&output)
-            })
-            .map(|(_, spec)| format!("{}.{}", item.id(), spec.name))
+        let outputs = item.spec().outputs.iter().zip(used.item(number));
+        let unread = outputs.filter(|(port, is_used)| !port.diagnostic && !**is_used);
+        let unread: Vec<String> = unread
+            .map(|(port, _)| format!("{}.{}", item.id(), port.name))
             .collect();
         let list = unread.join(", ");
         let message = match unread.len() {
@@ -107,7 +142,7 @@ pub fn discards_are_unread_and_unique(net: Typed<'_>, diagnostics: &mut Vec<Diag
         if !seen.insert(*output) {
             let message = format!("`{name}` is discarded twice");
             diagnostics.push(Diagnostic::error(codes::BAD_DISCARD, *span, message));
-        } else if read.contains(output) {
+        } else if read.contains(*output) {
             let message = format!("`{name}` is discarded and read");
             let diagnostic = Diagnostic::error(codes::DISCARDED_BUT_READ, *span, message);
             diagnostics.push(diagnostic.help("remove it from `discard`"));

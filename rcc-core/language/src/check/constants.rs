@@ -1,5 +1,7 @@
 //! Rules about the types, units and ranges of constants. Runs on the loader's threads.
 
+use std::fmt::Display;
+
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{
     ChannelKind, DefaultValue, Parameter, ParameterKind, PortType, Role, UnitRule,
@@ -22,13 +24,8 @@ pub fn literals_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
             let ty = net.inferred.port_type(net.graph, number, ty);
             let unit = net.inferred.port_unit(net.graph, number, unit);
             if let Some(ty) = ty {
-                literal_fits(
-                    literal,
-                    ty,
-                    unit,
-                    &format!("{}.{name}", item.id()),
-                    diagnostics,
-                );
+                let place = format_args!("{}.{name}", item.id());
+                literal_fits(literal, ty, unit, place, diagnostics);
             }
         };
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
@@ -61,8 +58,8 @@ pub fn literals_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
                     let unit = net
                         .inferred
                         .position_unit(net.graph, number, port, *position);
-                    let name = format!("{}.{}{}", item.id(), port.name, position);
-                    literal_fits(literal, ty, unit, &name, diagnostics);
+                    let place = format_args!("{}.{}{}", item.id(), port.name, position);
+                    literal_fits(literal, ty, unit, place, diagnostics);
                 }
             }
         }
@@ -74,7 +71,7 @@ pub fn literal_fits(
     literal: &Literal,
     ty: Type,
     unit: Option<Unit>,
-    place: &str,
+    place: impl Display,
     diagnostics: &mut Vec<Diagnostic>,
 ) {
     if literal.stored(ty).is_none() {

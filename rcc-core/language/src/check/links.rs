@@ -1,5 +1,7 @@
 //! Rules about the types and units of links and of lists of links. Runs on the loader's threads.
 
+use std::fmt::Display;
+
 use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::counted::Counted;
@@ -69,9 +71,9 @@ pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
             };
             let outcome = item.conditions().find(|(_, _, condition)| is_it(condition));
             let name = outcome.map_or(port.name, |(_, name, _)| name);
-            let input = format!("{}.{name}{}", item.id(), link.position);
+            let input = format_args!("{}.{name}{}", item.id(), link.position);
             if have != want {
-                diagnostics.push(other_type(net, link, &input, have, want));
+                diagnostics.push(other_type(net, link, input, have, want));
                 continue;
             }
             let source = net.inferred.link_unit(net.graph, link);
@@ -88,7 +90,7 @@ pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
                 diagnostics.push(diagnostic.label(format!("in {have}")));
             }
             if let Some(initial) = link.initial {
-                literal_fits(initial, have, sink, &input, diagnostics);
+                literal_fits(initial, have, sink, input, diagnostics);
             }
         }
     }
@@ -101,7 +103,7 @@ pub fn lists_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
             let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
                 continue;
             };
-            let input = format!("{}.{}", item.id(), port.name);
+            let input = format_args!("{}.{}", item.id(), port.name);
             let (span, message, help) = match (input_source, port.ty) {
                 (InputSource::Link(link), PortType::Many(_)) => (
                     link.span,
@@ -161,7 +163,7 @@ fn list_example(ty: Type) -> String {
 fn other_type(
     net: Typed<'_>,
     link: &ResolvedLink<'_>,
-    input: &str,
+    input: impl Display,
     have: Type,
     want: Type,
 ) -> Diagnostic {

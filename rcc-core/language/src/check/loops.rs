@@ -11,6 +11,7 @@
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{DefaultValue as Default, NullRule};
 
+use crate::adjacency::Adjacency;
 use crate::codes;
 use crate::components::{Components, circle};
 use crate::infer::Typed;
@@ -24,14 +25,15 @@ const NAMED_MAX: usize = 12;
 fn sources(
     graph: &NetGraph<'_>,
     keep: impl Fn(usize, &ResolvedLink<'_>) -> bool,
-) -> Vec<Vec<usize>> {
-    let of = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
-        let links = graph
-            .dependencies(item)
-            .filter(|(_, link)| keep(number, link));
-        links.map(|(_, link)| link.from.item).collect()
-    };
-    graph.items.iter().enumerate().map(of).collect()
+) -> Adjacency {
+    let keep = &keep;
+    let items = graph.items.iter().enumerate();
+    let sources = items.map(|(number, item)| {
+        let links = graph.dependencies(item);
+        let links = links.filter(move |(_, link)| keep(number, link));
+        links.map(|(_, link)| link.from.item)
+    });
+    sources.collect()
 }
 
 /// Describes a cycle in the direction of its values, and returns the link that closes it.
@@ -145,17 +147,10 @@ fn has_delay(graph: &NetGraph<'_>, circle: &[usize]) -> bool {
 fn settle(
     graph: &NetGraph<'_>,
     components: &Components,
-    sources: &[Vec<usize>],
+    sources: &Adjacency,
     known: &mut [bool],
 ) {
-    let mut readers = vec![Vec::new(); graph.items.len()];
-    for (number, sources) in sources.iter().enumerate() {
-        for source in sources {
-            if let Some(readers) = readers.get_mut(*source) {
-                readers.push(number);
-            }
-        }
-    }
+    let readers = sources.reversed(sources.count());
     let mut queue: Vec<usize> = (0..graph.items.len()).collect();
     while let Some(number) = queue.pop() {
         let Some(item) = graph.items.get(number) else {
@@ -167,7 +162,7 @@ fn settle(
             if let Some(known) = known.get_mut(number) {
                 *known = true;
             }
-            queue.extend(readers.get(number).into_iter().flatten());
+            queue.extend(readers.of(number));
         }
     }
 }

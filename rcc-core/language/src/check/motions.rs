@@ -12,7 +12,7 @@ use super::constants::constant;
 use crate::codes;
 use crate::infer::Typed;
 use crate::leg_conditions::CONDITIONS;
-use crate::resolve::{OutputId, ResolvedPrimitive};
+use crate::resolve::ResolvedPrimitive;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// Pairs of parameters that exclude each other, and why.
@@ -196,13 +196,15 @@ pub fn goals_are_within_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>)
 /// Requires that the joints or the pose of a motion are read: otherwise the net runs through the motion and no arm
 /// moves.
 pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    let motions = net.graph.items.iter().enumerate();
+    let mut motions = motions.filter(|(_, item)| item.spec().role == Role::Motion).peekable();
+    if motions.peek().is_none() {
+        return;
+    }
     let used = read_or_discarded(net);
-    for (number, item) in net.graph.items.iter().enumerate() {
-        let outputs = item.spec().outputs;
-        let place = |name: &str| outputs.iter().position(|port| port.name == name);
-        let places = ["joints", "pose"].into_iter().filter_map(place);
-        let mut places = places.map(|port| OutputId { item: number, port });
-        if item.spec().role != Role::Motion || places.any(|output| used.contains(&output)) {
+    for (number, item) in motions {
+        let mut outputs = item.spec().outputs.iter().zip(used.item(number));
+        if outputs.any(|(port, is_used)| *is_used && matches!(port.name, "joints" | "pose")) {
             continue;
         }
         let id = item.id();

@@ -8,6 +8,7 @@ use std::collections::{HashMap, HashSet};
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitives;
 
+use crate::adjacency::Adjacency;
 use crate::codes;
 use crate::components::{Components, circle};
 use crate::syntax::fragment::{Fragment, FragmentInput, FragmentOutput};
@@ -140,9 +141,9 @@ impl<'a> Bodies<'a> {
             let instances = body.primitives.iter();
             let instances = instances.filter(|primitive| primitive.kind == PrimitiveKind::Fragment);
             let numbers = instances.filter_map(|it| self.by_name.get(it.type_name.name.as_str()));
-            numbers.copied().collect()
+            numbers.copied()
         });
-        let contained: Vec<Vec<usize>> = contained.collect();
+        let contained: Adjacency = contained.collect();
         for component in Components::of(&contained).loops(&contained) {
             for number in &component {
                 self.recursive[*number] = true;

@@ -58,10 +58,9 @@ impl<'a> Expander<'a, '_> {
                 return (Source::Outcomes(outcomes), Vec::new());
             }
             Source::Link(link) => Link {
-                initial: link.initial.as_ref().map(|literal| {
-                    scope
-                        .parameters
-                        .fill(literal, scope.shift, self.diagnostics)
+                initial: link.initial.as_deref().map(|literal| {
+                    let parameters = &scope.parameters;
+                    Box::new(parameters.fill(literal, scope.shift, self.diagnostics))
                 }),
                 span: scope.shift.span(link.span),
                 ..link.clone()

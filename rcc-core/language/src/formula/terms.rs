@@ -236,7 +236,7 @@ impl BodyLowering<'_> {
     ) -> Evaluated {
         let initial = match initial {
             None => None,
-            Some((Value::Constant(literal), _)) => Some(literal),
+            Some((Value::Constant(literal), _)) => Some(Box::new(literal)),
             Some((Value::Refused, _)) => return Ok(Value::Refused),
             Some(_) => return Err(Problem::Initial.at(term.place.clone())),
         };

@@ -46,7 +46,7 @@ pub struct OperationOutput {
     /// Of the previous cycle.
     pub delayed: bool,
     /// Value in the first cycle.
-    pub initial: Option<Literal>,
+    pub initial: Option<Box<Literal>>,
 }
 
 /// A primitive that stands for a term.
@@ -194,7 +194,7 @@ fn write_key(value: &Value, key: &mut String) {
         Value::Link(link) => {
             // Writing to a string never fails.
             let _ = write!(key, "{}", link.from);
-            write_delay(link.delayed, link.initial.as_ref(), key);
+            write_delay(link.delayed, link.initial.as_deref(), key);
         }
         Value::List(elements) => {
             key.push('[');
@@ -210,7 +210,7 @@ fn write_key(value: &Value, key: &mut String) {
             if let Some(part) = output.part {
                 let _ = write!(key, "{part}");
             }
-            write_delay(output.delayed, output.initial.as_ref(), key);
+            write_delay(output.delayed, output.initial.as_deref(), key);
         }
         Value::Refused => key.push('!'),
     }

@@ -7,6 +7,7 @@ use rcc_core::linear::SIDE_MAX;
 use rcc_core::primitive::{DIMS_MAX, Dim, ElementType, ParameterKind, PortType, Spec};
 use rcc_core::types::Type;
 
+use crate::adjacency::Adjacency;
 use crate::resolve::{InputSource, ListElement, NetGraph, ResolvedLink, ResolvedPrimitive};
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::{ListPosition, ValuePart};
@@ -154,20 +155,12 @@ struct TypeConstraint {
 
 /// Infers the open types and lengths of all items.
 pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables> {
-    let mut solver = TypeSolver {
-        graph,
-        joints,
-        open: vec![TypeVariables::default(); graph.items.len()],
-        constraints: Vec::new(),
-        users: vec![Vec::new(); graph.items.len()],
-        queue: VecDeque::new(),
-        backwards: false,
-    };
+    let mut constraints = Vec::new();
     for (number, item) in graph.items.iter().enumerate() {
         for (port, link) in item.links() {
             let sink = item.spec().inputs.get(port);
             if let (Some(from), Some(sink)) = (super::port_of(graph, link.from), sink) {
-                solver.add(TypeConstraint {
+                constraints.push(TypeConstraint {
                     source: PortSite {
                         item: link.from.item,
                         port: from.ty,
@@ -182,6 +175,16 @@ pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables>
             }
         }
     }
+    let items = constraints.iter().map(|it| [it.source.item, it.sink.item]);
+    let mut solver = TypeSolver {
+        graph,
+        joints,
+        open: vec![TypeVariables::default(); graph.items.len()],
+        users: items.collect::<Adjacency>().reversed(graph.items.len()),
+        constraints,
+        queue: VecDeque::new(),
+        backwards: false,
+    };
     solver.solve();
     solver.open
 }
@@ -193,22 +196,12 @@ struct TypeSolver<'g, 'a> {
     open: Vec<TypeVariables>,
     constraints: Vec<TypeConstraint>,
     /// The links that begin or end at it, by item.
-    users: Vec<Vec<usize>>,
+    users: Adjacency,
     queue: VecDeque<usize>,
     backwards: bool,
 }
 
 impl TypeSolver<'_, '_> {
-    fn add(&mut self, constraint: TypeConstraint) {
-        let number = self.constraints.len();
-        for item in [constraint.source.item, constraint.sink.item] {
-            if let Some(users) = self.users.get_mut(item) {
-                users.push(number);
-            }
-        }
-        self.constraints.push(constraint);
-    }
-
     /// Propagates what is known: first only from sources to sinks, so that a conflict is reported where two sources
     /// meet and not somewhere before, then in both directions. What is still open then takes its default.
     fn solve(&mut self) {
@@ -303,16 +296,14 @@ impl TypeSolver<'_, '_> {
         if let (Some(open), Some(spec)) = (self.open.get_mut(number), spec)
             && open.learn(spec, port, ty)
         {
-            self.queue
-                .extend(self.users.get(number).into_iter().flatten());
+            self.queue.extend(self.users.of(number));
         }
     }
 
     fn decide(&mut self, number: usize, ty: Type) {
         if let Some(open) = self.open.get_mut(number) {
             open.ty = Some(ty);
-            self.queue
-                .extend(self.users.get(number).into_iter().flatten());
+            self.queue.extend(self.users.of(number));
         }
     }
 

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use rcc_core::unit::Unit;
 
 use super::UnitTerm;
+use crate::adjacency::Adjacency;
 
 /// A constraint between terms.
 #[derive(Clone, Copy, Debug)]
@@ -16,6 +17,20 @@ pub enum UnitConstraint {
     Product(UnitTerm, UnitTerm, UnitTerm),
 }
 
+impl UnitConstraint {
+    /// Returns the variables of its terms.
+    fn variables(&self) -> impl Iterator<Item = usize> {
+        let terms = match *self {
+            UnitConstraint::Equal(a, b) => [a, b, UnitTerm::None],
+            UnitConstraint::Product(a, b, c) => [a, b, c],
+        };
+        terms.into_iter().filter_map(|term| match term {
+            UnitTerm::Variable(variable) => Some(variable),
+            UnitTerm::Fixed(_) | UnitTerm::None => None,
+        })
+    }
+}
+
 /// Variables and constraints.
 #[derive(Debug)]
 pub struct UnitSolver {
@@ -23,38 +38,22 @@ pub struct UnitSolver {
     pub values: Vec<Option<Unit>>,
     constraints: Vec<UnitConstraint>,
     /// Indices of the constraints that contain a variable, by variable.
-    users: Vec<Vec<usize>>,
+    users: Adjacency,
     queue: VecDeque<usize>,
     backwards: bool,
 }
 
 impl UnitSolver {
     /// Creates a solver with `variables` unknown units.
-    pub fn new(variables: usize) -> UnitSolver {
+    pub fn new(variables: usize, constraints: Vec<UnitConstraint>) -> UnitSolver {
+        let used = constraints.iter().map(UnitConstraint::variables);
         UnitSolver {
             values: vec![None; variables],
-            constraints: Vec::new(),
-            users: vec![Vec::new(); variables],
+            users: used.collect::<Adjacency>().reversed(variables),
+            constraints,
             queue: VecDeque::new(),
             backwards: false,
         }
-    }
-
-    /// Adds a constraint.
-    pub fn add(&mut self, constraint: UnitConstraint) {
-        let number = self.constraints.len();
-        let terms = match constraint {
-            UnitConstraint::Equal(a, b) => [a, b, UnitTerm::None],
-            UnitConstraint::Product(a, b, c) => [a, b, c],
-        };
-        for term in terms {
-            if let UnitTerm::Variable(variable) = term
-                && let Some(users) = self.users.get_mut(variable)
-            {
-                users.push(number);
-            }
-        }
-        self.constraints.push(constraint);
     }
 
     /// Propagates what is known: first only from sources to sinks, so that a conflict is reported where two sources
@@ -119,8 +118,7 @@ impl UnitSolver {
             && let Some(place @ None) = self.values.get_mut(variable)
         {
             *place = Some(value);
-            let users = self.users.get(variable).into_iter().flatten();
-            self.queue.extend(users);
+            self.queue.extend(self.users.of(variable));
         }
     }
 }

@@ -136,17 +136,19 @@ impl Lowering<'_> {
     fn place_state(&mut self, item: &ResolvedPrimitive<'_>, operands: &mut Vec<u32>) {
         let spec = item.spec();
         let StateSpec { reals, bools, ints } = spec.state;
-        for (count, null) in [
-            (reals, StoredValue::null(Type::Real)),
-            (bools, StoredValue::null(Type::Bool)),
-            // Counters start at 0, see `rcc_core::primitive::StateSpec`.
-            (ints, StoredValue::Ints(vec![0])),
-        ] {
-            if count > 0 {
-                let start = start_value(item, null.store());
-                let start = start.unwrap_or(null);
-                operands.push(self.arena.repeated(&start, count));
-            }
+        let counts = [
+            (reals, Store::Real),
+            (bools, Store::Bool),
+            (ints, Store::Int),
+        ];
+        for (count, store) in counts.into_iter().filter(|(count, _)| *count > 0) {
+            let start = start_value(item, store).unwrap_or_else(|| match store {
+                Store::Real => StoredValue::null(Type::Real),
+                Store::Bool => StoredValue::null(Type::Bool),
+                // Counters start at 0, see `rcc_core::primitive::StateSpec`.
+                Store::Int => StoredValue::Ints(vec![0]),
+            });
+            operands.push(self.arena.repeated(&start, count));
         }
     }
 }

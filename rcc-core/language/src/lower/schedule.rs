@@ -5,11 +5,12 @@
 //! on the loader's threads.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BinaryHeap};
 
 use rcc_core::primitives;
 use rcc_core::types::Type;
 
+use crate::adjacency::Adjacency;
 use crate::infer::Typed;
 use crate::resolve::ResolvedPrimitive;
 
@@ -37,7 +38,7 @@ fn kernel_of(net: Typed<'_>, number: usize, item: &ResolvedPrimitive<'_>) -> Opt
 #[derive(Default)]
 struct ReadyList {
     /// Items whose sources are all scheduled, highest first, then in the order of the file.
-    items: BTreeSet<(Reverse<u32>, usize)>,
+    items: BinaryHeap<(u32, Reverse<usize>)>,
     /// Number of items that are not scheduled.
     left: usize,
 }
@@ -50,26 +51,21 @@ struct Dependencies {
     /// Number of sources that are not scheduled, by item.
     waits: Vec<usize>,
     /// Items that read it in the same cycle, by item.
-    readers: Vec<Vec<usize>>,
+    readers: Adjacency,
 }
 
 fn dependencies(net: Typed<'_>, kernels: &[Option<BatchKey>]) -> Dependencies {
-    let items = &net.graph.items;
-    let mut dependencies = Dependencies {
-        waits: vec![0; items.len()],
-        readers: vec![Vec::new(); items.len()],
-    };
-    for (number, item) in items.iter().enumerate() {
+    let sources = net.graph.items.iter().map(|item| {
         // A primitive in a region waits for the condition.
-        for (_, link) in net.graph.dependencies(item) {
-            let source = link.from.item;
-            if !link.delayed && kernels[source].is_some() {
-                dependencies.waits[number] += 1;
-                dependencies.readers[source].push(number);
-            }
-        }
+        let links = net.graph.dependencies(item).map(|(_, link)| link);
+        let links = links.filter(|link| !link.delayed && kernels[link.from.item].is_some());
+        links.map(|link| link.from.item)
+    });
+    let sources: Adjacency = sources.collect();
+    Dependencies {
+        waits: sources.rows().map(|(_, sources)| sources.len()).collect(),
+        readers: sources.reversed(sources.count()),
     }
-    dependencies
 }
 
 /// Returns the height by item: the most changes of kernel on any path from the item to a result that nothing reads.
@@ -79,7 +75,7 @@ fn heights(dependencies: &Dependencies, kernels: &[Option<BatchKey>]) -> Vec<u32
     let mut done = 0;
     while let Some(item) = order.get(done).copied() {
         done += 1;
-        for reader in &dependencies.readers[item] {
+        for reader in dependencies.readers.of(item) {
             waits[*reader] -= 1;
             if waits[*reader] == 0 {
                 order.push(*reader);
@@ -88,7 +84,7 @@ fn heights(dependencies: &Dependencies, kernels: &[Option<BatchKey>]) -> Vec<u32
     }
     let mut heights = vec![0; waits.len()];
     for item in order.into_iter().rev() {
-        let above = dependencies.readers[item].iter().map(|reader| {
+        let above = dependencies.readers.of(item).iter().map(|reader| {
             let changes = kernels[*reader] != kernels[item];
             heights[*reader] + u32::from(changes)
         });
@@ -110,15 +106,16 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
             Some((item.region, primitives::kernel_number(item.row, kernel)))
         })
         .collect();
-    let mut dependencies = dependencies(net, &kernels);
+    let dependencies = dependencies(net, &kernels);
     let heights = heights(&dependencies, &kernels);
+    let Dependencies { mut waits, readers } = dependencies;
     let mut ready: BTreeMap<BatchKey, ReadyList> = BTreeMap::new();
     for (number, kernel) in kernels.iter().enumerate() {
         let Some(kernel) = kernel else { continue };
         let row = ready.entry(*kernel).or_default();
         row.left += 1;
-        if dependencies.waits[number] == 0 {
-            row.items.insert((Reverse(heights[number]), number));
+        if waits[number] == 0 {
+            row.items.push((heights[number], Reverse(number)));
         }
     }
     let mut batches: Vec<Batch> = Vec::new();
@@ -130,13 +127,13 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
         };
         while let Some(number) = take(&mut ready, kernel) {
             batch.items.push(number);
-            for reader in std::mem::take(&mut dependencies.readers[number]) {
-                dependencies.waits[reader] -= 1;
-                if dependencies.waits[reader] == 0
+            for &reader in readers.of(number) {
+                waits[reader] -= 1;
+                if waits[reader] == 0
                     && let Some(kernel) = kernels[reader]
                     && let Some(row) = ready.get_mut(&kernel)
                 {
-                    row.items.insert((Reverse(heights[reader]), reader));
+                    row.items.push((heights[reader], Reverse(reader)));
                 }
             }
         }
@@ -147,7 +144,7 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
 
 fn next_kernel(ready: &BTreeMap<BatchKey, ReadyList>, region: Option<usize>) -> Option<BatchKey> {
     let rated = ready.iter().filter_map(|(kernel, row)| {
-        let (Reverse(height), _) = row.items.first()?;
+        let (height, _) = row.items.peek()?;
         let finishes = row.items.len() == row.left;
         let stays = kernel.0 == region;
         Some((
@@ -160,7 +157,7 @@ fn next_kernel(ready: &BTreeMap<BatchKey, ReadyList>, region: Option<usize>) -> 
 
 fn take(ready: &mut BTreeMap<BatchKey, ReadyList>, kernel: BatchKey) -> Option<usize> {
     let row = ready.get_mut(&kernel)?;
-    let (_, number) = row.items.pop_first()?;
+    let (_, Reverse(number)) = row.items.pop()?;
     row.left -= 1;
     Some(number)
 }

@@ -8,6 +8,7 @@ use rcc_core::primitive::{NullRule, Role};
 
 use super::clause::{ClauseTruth, truths};
 use super::{is_initially_null, phrase};
+use crate::adjacency::Adjacency;
 use crate::resolve::{
     InputSource, ListElement, NetGraph, OutputId, ResolvedLink, ResolvedPrimitive, ResolvedRegion,
 };
@@ -29,14 +30,11 @@ pub fn find_always_null(graph: &NetGraph<'_>) -> AlwaysNull {
         can_be_known: vec![false; graph.items.len()],
         undefined: graph.items.iter().map(|it| undefined(graph, it)).collect(),
     };
-    let mut readers = vec![Vec::new(); graph.items.len()];
-    for (number, item) in graph.items.iter().enumerate() {
-        for (_, link) in graph.dependencies(item) {
-            if let Some(readers) = readers.get_mut(link.from.item) {
-                readers.push(number);
-            }
-        }
-    }
+    let sources = graph.items.iter().map(|item| {
+        let links = graph.dependencies(item);
+        links.map(|(_, link)| link.from.item)
+    });
+    let readers = sources.collect::<Adjacency>().reversed(graph.items.len());
     let mut queue: Vec<usize> = (0..graph.items.len()).collect();
     while let Some(number) = queue.pop() {
         let Some(item) = graph.items.get(number) else {
@@ -46,7 +44,7 @@ pub fn find_always_null(graph: &NetGraph<'_>) -> AlwaysNull {
             if let Some(known) = nulls.can_be_known.get_mut(number) {
                 *known = true;
             }
-            queue.extend(readers.get(number).into_iter().flatten());
+            queue.extend(readers.of(number));
         }
     }
     nulls

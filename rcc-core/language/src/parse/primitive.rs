@@ -35,14 +35,18 @@ pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primi
     }
     report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", diagnostics);
     read_kind(&mut primitive, node, diagnostics);
-    for entry in entries_of(node, "parameters", diagnostics) {
+    let given = entries_of(node, "parameters", diagnostics);
+    primitive.parameters.reserve_exact(given.len());
+    for entry in given {
         let value = match formula::is_expression(&primitive, &entry.key) {
             true => read_expression(&entry.value, diagnostics),
             false => literal::read(&entry.value, diagnostics),
         };
         primitive.parameters.push((entry.key.clone(), value));
     }
-    for entry in entries_of(node, "inputs", diagnostics) {
+    let given = entries_of(node, "inputs", diagnostics);
+    primitive.inputs.reserve_exact(given.len());
+    for entry in given {
         let source = read_source(&entry.value, diagnostics);
         primitive.inputs.push((entry.key.clone(), source));
     }

@@ -120,7 +120,7 @@ fn read_link(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Source {
     };
     let initial = node
         .get("initial")
-        .map(|node| literal::read(node, diagnostics));
+        .map(|node| Box::new(literal::read(node, diagnostics)));
     if let (Some(initial), false) = (&initial, delayed) {
         let message = "only a delayed link has an initial value";
         let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, initial.span, message);

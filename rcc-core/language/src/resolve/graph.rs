@@ -311,10 +311,7 @@ impl<'a> NetGraph<'a> {
     pub fn output_name(&self, output: OutputId) -> String {
         let item = self.items.get(output.item);
         let port = item.and_then(|item| item.spec().outputs.get(output.port));
-        format!(
-            "{}.{}",
-            item.map_or("", ResolvedPrimitive::id),
-            port.map_or("", |port| port.name)
-        )
+        let id = item.map_or("", ResolvedPrimitive::id);
+        [id, ".", port.map_or("", |port| port.name)].concat()
     }
 }

@@ -42,7 +42,7 @@ impl<'a> Resolver<'a, '_> {
                 self.unknown(codes::UNKNOWN_INPUT, key, spec, "input", help);
             }
         }
-        let mut input_sources = Vec::new();
+        let mut input_sources = Vec::with_capacity(spec.inputs.len());
         for port in spec.inputs {
             let given = primitive
                 .inputs
@@ -201,7 +201,7 @@ impl<'a> Resolver<'a, '_> {
             delayed: link.delayed,
             initial: link
                 .initial
-                .as_ref()
+                .as_deref()
                 .filter(|initial| !initial.is_refused()),
             span: link.span,
             port_span: link.from.port_span,
