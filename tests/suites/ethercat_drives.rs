@@ -1,8 +1,10 @@
 //! A cell whose joints are moved by drives on a simulated EtherCAT line (`configs/cells/ethercat-drives.yaml`): enabled by a net,
-//! moved by another, stopped as CiA 402 says. Each test has a cell of its own.
+//! moved by another, stopped as CiA 402 says. Over UDP as it is shipped, and over raw Ethernet between two interfaces in a network
+//! namespace of the test, whose cable is pulled. Each test has a cell of its own.
 
 use rcc_core::message::ClockState;
 use rcc_protocol::Role;
+use rcc_testing::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::simulator::Simulator;
 use rcc_tests::{TestCell, await_some, repository};
@@ -16,6 +18,11 @@ primitives:
   cancel: {type: Cancel}
   end:    {type: Termination, inputs: {done: cancel.requested}}
 ";
+
+/// Number of times that the cable is pulled.
+const PULLS: usize = 2;
+/// Error code of a drive whose process data have stopped.
+const COMMUNICATION: u16 = 0x7500;
 
 /// Window of the following error, counts.
 const WINDOW: i64 = 100_000;
@@ -40,6 +47,13 @@ primitives:
 fn start(change: impl Fn(String) -> String) -> TestCell {
     let shipped = repository().join("configs/cells/ethercat-drives.yaml");
     TestCell::start_online(&shipped, change)
+}
+
+/// Puts the line on the interfaces of the namespace.
+fn on_ethernet(text: String) -> String {
+    text.replace("udp 127.0.0.1:${line}", NEAR)
+        .replace("--udp=127.0.0.1:${line}", &format!("--nic={FAR}"))
+        .replace("ports: {line: auto udp}\n", "")
 }
 
 fn drives(line: &mut Simulator) -> [Value; 2] {
@@ -174,6 +188,61 @@ fn the_drives_brake_by_themselves_when_the_driver_is_killed() {
     let id = cell.run(&to(0.0, 0.2, 0.5));
     cell.assert_ends(id, "finished");
     cell.stop();
+}
+
+#[test]
+fn a_cable_pulled_in_motion_stops_the_drives_and_nothing_moves_when_it_is_back() {
+    in_namespace("a_cable_pulled_in_motion", || {
+        let cell = start(on_ethernet);
+        let mut line = cell.simulator("line-sim");
+        for pull in 0..PULLS {
+            let power = enable(&cell);
+            let from = positions(&mut line)[0];
+            let there = if pull % 2 == 0 { 2.5 } else { -2.5 };
+            let id = cell.run(&to(there, 0.2, 0.2));
+            await_motion(&mut line, from);
+            pull_cable();
+            for net in [id, power] {
+                let row = cell.await_end(net);
+                assert_eq!(row["fault"]["fault"], "device lost", "{row}");
+                assert_eq!(row["fault"]["device"], "table", "{row}");
+            }
+            cell.await_device("table", "offline");
+            // Their own supervision of the process data: in fault, at rest after the ramp of the quick stop.
+            let [turn, tilt] = await_no_torque(&mut line);
+            for drive in [&turn, &tilt] {
+                assert_eq!(drive["state"], "fault", "{drive}");
+                assert_eq!(drive["error"], COMMUNICATION, "{drive}");
+                let at = |key: &str| drive[key].as_i64().expect("counts");
+                let ramp = (at("position") - at("target")).abs();
+                assert!(ramp < WINDOW, "{drive}");
+            }
+            let rest = positions(&mut line);
+            assert!(
+                f64::from(rest[0] as i32).abs() < 2.4e6,
+                "on its way: {rest:?}"
+            );
+            let (words, _) = cell.cli_exits(1, &["doctor", "ethercat", "table"]);
+            assert!(
+                words.contains("terminal") || words.contains("cable"),
+                "{words}"
+            );
+            plug_cable();
+            cell.await_device("table", "online");
+            await_no_torque(&mut line);
+            let commands = cell.rest("GET", "/commands", "").body;
+            let running = commands.as_array().expect("rows").iter();
+            assert_eq!(running.filter(|row| row["state"] == "running").count(), 0);
+            // Enabling resets the fault, and holds the drives where they are.
+            let power = enable(&cell);
+            assert_eq!(positions(&mut line), rest, "nothing moves by itself");
+            cell.done(power, "cancel");
+            cell.assert_ends(power, "canceled");
+            await_no_torque(&mut line);
+            assert_eq!(positions(&mut line), rest);
+        }
+        cell.stop();
+    });
 }
 
 #[test]

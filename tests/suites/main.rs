@@ -22,6 +22,7 @@ mod events;
 mod evidence;
 mod examples;
 mod flood;
+mod foreign;
 mod handover;
 mod iiwa;
 mod impedance;

@@ -19,11 +19,12 @@ use rcc_protocol::events::EventKind;
 use rcc_protocol::{Configuration, Role};
 use thiserror::Error;
 
-use crate::driver::{Driver, Inputs, LinkError};
+use crate::driver::{Driver, Exchange, Inputs, LinkError};
 
 pub mod command_mode_exit;
 pub mod device_session;
 pub mod diagnosis_file;
+pub mod exchange_check;
 pub mod executor_watch;
 pub mod health;
 pub mod impedance_ramp;
@@ -43,6 +44,7 @@ mod tests;
 use command_mode_exit::CommandModeExit;
 use device_session::{DeviceSession, OBSERVE_PERIODS_MAX};
 use diagnosis_file::DiagnosisFile;
+use exchange_check::{ExchangeCheck, ImpossibleExchange};
 use executor_watch::{ExecutorEvent, ExecutorWatch};
 use health::DriverHealth;
 use reason::Reason;
@@ -85,6 +87,9 @@ pub struct Host {
     diagnosis: DiagnosisFile,
     recorder: EventRecorder,
     health: Arc<DriverHealth>,
+    check: ExchangeCheck,
+    /// The last exchange was refused by `check`.
+    is_refused: bool,
     /// Present once the device has been asked to leave command mode.
     exit: Option<CommandModeExit>,
     helpers: Helpers,
@@ -153,6 +158,8 @@ impl Host {
             diagnosis,
             recorder,
             health: DriverHealth::new(reasons),
+            check: ExchangeCheck::new(device),
+            is_refused: false,
             exit: None,
             helpers,
             _announced: announced,
@@ -185,26 +192,11 @@ impl Host {
         while !(stop.load(Ordering::Relaxed) && self.is_released()) {
             self.update_command_board();
             match self.driver.receive(self.wait, &mut inputs) {
-                Ok(exchange) => {
-                    let arrived_ns = monotonic_ns();
-                    if let Some(exit) = &mut self.exit {
-                        exit.observe(exchange.commandable);
-                    }
-                    self.observe();
-                    self.session.begin_exchange(arrived_ns, &inputs, &exchange);
-                    self.await_set_point(arrived_ns, exchange.period_ns);
-                    let outputs = self.session.finish_exchange(&exchange);
-                    if let Err(error) = self.driver.send(&outputs) {
-                        self.report_link_error(error);
-                    }
-                    self.board.write(self.session.measurement());
-                }
-                Err(error) => {
-                    self.observe();
-                    if self.report_link_error(error) {
-                        self.board.write(self.session.measurement());
-                    }
-                }
+                Ok(exchange) => match ExchangeCheck::check(&exchange) {
+                    Ok(()) => self.exchange(inputs, &exchange),
+                    Err(impossible) => self.refuse(&impossible),
+                },
+                Err(error) => self.lose(error),
             }
             self.health.update(self.session.measurement());
             self.state_log.update(&self.session);
@@ -216,6 +208,43 @@ impl Host {
             },
             Some(why) => EventKind::HelperEnded { why },
         });
+    }
+
+    /// Plays one exchange, and answers it.
+    fn exchange(&mut self, mut inputs: Inputs, exchange: &Exchange) {
+        let arrived_ns = monotonic_ns();
+        self.is_refused = false;
+        if let Some(exit) = &mut self.exit {
+            exit.observe(exchange.commandable);
+        }
+        self.observe();
+        self.check.limit(&mut inputs);
+        self.session.begin_exchange(arrived_ns, &inputs, exchange);
+        self.await_set_point(arrived_ns, exchange.period_ns);
+        let outputs = self.session.finish_exchange(exchange);
+        if let Err(error) = self.driver.send(&outputs) {
+            self.report_link_error(error);
+        }
+        self.board.write(self.session.measurement());
+    }
+
+    /// An exchange that cannot be played is not answered: the device is lost, and the value is logged once.
+    fn refuse(&mut self, impossible: &ImpossibleExchange) {
+        if !std::mem::replace(&mut self.is_refused, true) {
+            tracing::error!(
+                "the driver returned an impossible value: {impossible}; the device is lost"
+            );
+        }
+        self.lose(LinkError::Lost {
+            reason: reason::IMPOSSIBLE,
+        });
+    }
+
+    fn lose(&mut self, error: LinkError) {
+        self.observe();
+        if self.report_link_error(error) {
+            self.board.write(self.session.measurement());
+        }
     }
 
     /// Reports a failed exchange to the session; returns true if the device is offline.

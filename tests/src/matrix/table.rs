@@ -138,11 +138,12 @@ late but with the machine:
 
 | a program of others | killed | stopped | lies | is slow |
 |---|---|---|---|---|
-| a driver, `driver: {program: …}` | its device is lost, alone; started again, its outputs stay released until a net commands them | the same; it goes on after SIGCONT | of another layout: not attached, the message names both; wrong values are not tested with a foreign process | not tested with a foreign process |
+| a driver, `driver: {program: …}` | its device is lost, alone; started again, its outputs stay released until a net commands them; the same if it panics or ends by itself | the same; it goes on after SIGCONT | of another layout: not attached, the message names both; no number, infinite, out of range: null; channels that it does not have: not seen; no hold position, a period or a time that no device can have: lost | lost; the same process goes on; one that hangs in an exchange or in an answer is ended and started again |
+| a program that writes a driver's shared memory itself | as above | as above | another message, stamps of the future or the past, time that goes back, other joints, no hold position: lost until it tells the truth | lost after `stale_after` |
 | a software device, `driver: software` | lost, started again | null after `timeout`; the same process goes on | no number, infinite, another type, of the future, out of range, wrong names: null; too many answers or a flood: the right ones count | null after `timeout` |
 
 ```console
-$ cargo test --workspace --test suites -- outside software
+$ cargo test --workspace --test suites -- outside foreign software
 ```
 
 Every case must satisfy:

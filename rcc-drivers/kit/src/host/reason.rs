@@ -30,6 +30,7 @@ reasons! {
     STRATEGY = 15, "the net commands another control strategy than the device runs";
     OTHER_CONFIGURATION = 16, "the executor is of another build, or was started with another configuration of this device: restart the cell";
     PERIOD_CHANGED = 17, "the device changed its period while a net commanded it";
+    IMPOSSIBLE = 18, "the driver returned a value that no device can have: its log has the value";
 }
 
 /// Returns the meaning of a number among the host's reasons and those of `drivers`.

@@ -15,10 +15,12 @@ use crate::conformance;
 use crate::conformance::hosted::{LIMIT, TestCell};
 use crate::driver::{DriverError, Exchange, Outputs};
 
-/// A device with one output and a period of 1 ms; it is absent while `absent` is set.
+/// A device with one output and a period of 1 ms; it is absent while `absent` is set, and its hold position is no number while
+/// `impossible` is set.
 struct FakeDevice {
     outputs: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
+    impossible: Arc<AtomicBool>,
 }
 
 impl Driver for FakeDevice {
@@ -35,7 +37,10 @@ impl Driver for FakeDevice {
             strategy: ControlMode::Position,
             commandable: true,
             startable: true,
-            mirror: [0.0; JOINTS_MAX],
+            mirror: match self.impossible.load(Ordering::Relaxed) {
+                true => [f64::NAN; JOINTS_MAX],
+                false => [0.0; JOINTS_MAX],
+            },
             ticks: 1,
             period_ns: 1_000_000,
             quality_permille: 1000,
@@ -58,6 +63,7 @@ struct HostFixture {
     cell: TestCell,
     outputs: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
+    impossible: Arc<AtomicBool>,
 }
 
 impl HostFixture {
@@ -69,6 +75,7 @@ impl HostFixture {
             cell: TestCell::new(&device),
             outputs: Arc::new(Mutex::new(Outputs::NONE)),
             absent: Arc::default(),
+            impossible: Arc::default(),
         };
         let driver = fixture.driver();
         fixture.cell.run(driver, &[]);
@@ -79,6 +86,7 @@ impl HostFixture {
         Box::new(FakeDevice {
             outputs: Arc::clone(&self.outputs),
             absent: Arc::clone(&self.absent),
+            impossible: Arc::clone(&self.impossible),
         })
     }
 
@@ -158,6 +166,27 @@ fn a_lost_device_is_offline_with_its_reason_and_comes_back() {
     );
     fixture.absent.store(false, Ordering::Relaxed);
     fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
+}
+
+#[test]
+fn a_device_whose_driver_returns_an_impossible_value_is_lost_and_comes_back() {
+    let mut fixture = HostFixture::new();
+    fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
+    fixture.impossible.store(true, Ordering::Relaxed);
+    fixture.until(
+        |_| {},
+        |_, measured| is(measured, DeviceState::Offline) && measured.reason == reason::IMPOSSIBLE,
+    );
+    fixture.impossible.store(false, Ordering::Relaxed);
+    fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
+    assert!(
+        fixture
+            .cell
+            .measured()
+            .hold
+            .iter()
+            .all(|value| *value == 0.0)
+    );
 }
 
 /// Checks that an executor that commands the lamp is not followed, and that the driver gives the reason.

@@ -1,5 +1,5 @@
-//! The driver with two drives in the conformance suite: the rules of plain I/O with a robot, and of the configuration. What the
-//! drives are told is tested in `axes`, and in a cell by the suite `ethercat`.
+//! The driver with two drives in the conformance suite: the rules of joints that are moved by drives. What the drives are told is
+//! tested in `axes`, and in a cell by the suite `ethercat_drives`.
 //! Test code only.
 
 use std::net::SocketAddr;
@@ -85,31 +85,7 @@ impl Subject for DriveLine {
     }
 }
 
-conformance!(tests of DriveLine:
-    opens_what_is_right,
-    refuses_a_setting_that_it_does_not_have,
-    refuses_each_setting_of_another_form,
-    refuses_each_setting_out_of_range,
-    refuses_each_channel_of_a_wrong_address,
-    refuses_two_outputs_at_one_address,
-    refuses_a_robot_that_it_cannot_move,
-    says_when_nobody_is_there,
-    tells_what_it_knows,
-    carries_outputs_there_and_inputs_back,
-    comes_back_when_the_device_does,
-    releases_outputs_on_null,
-    releases_outputs_on_termination,
-    releases_outputs_when_the_executor_vanishes,
-    releases_outputs_when_the_executor_stops_writing,
-    sends_every_safe_value_whatever_the_device_answers,
-    survives_lost_packets,
-    survives_late_packets,
-    survives_duplicated_packets,
-    survives_reordered_packets,
-    survives_truncated_packets,
-    in_a_cell_outputs_are_released_when_the_executor_dies,
-    in_a_cell_a_lost_device_is_offline_and_comes_back,
-);
+conformance!(drives: DriveLine);
 
 fn refusal(change: impl FnOnce(&mut DeviceConfig)) -> DriverError {
     let mut device = DriveLine::device(([127, 0, 0, 1], 9).into());

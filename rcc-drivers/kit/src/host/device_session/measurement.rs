@@ -12,7 +12,10 @@ use crate::host::reason;
 impl DeviceSession {
     /// Updates the part of the measurement that comes from the device.
     pub(super) fn update_inputs(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
-        let periods = self.measurement.periods + exchange.ticks.max(1);
+        let periods = self
+            .measurement
+            .periods
+            .saturating_add(exchange.ticks.max(1));
         self.measurement = Measurement {
             magic: MAGIC,
             sequence: self.measurement.sequence + 1,
