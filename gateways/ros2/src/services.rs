@@ -1,0 +1,258 @@
+//! `~/NET/start` and `~/NET/cancel`, services of the type `std_srvs/Trigger`. A thread for each operation waits for requests,
+//! so that CANCEL never waits for a START; the thread that looks at the nets says which there are.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use rcc_api::bodies::{CommandView, Done, OnClientLoss};
+use rcc_client::{Cell, ClientError, segment};
+use rcc_process::helpers;
+use ros2_client::dds::rustdds::mio1::{Events, Interest, Poll, Token, Waker};
+use ros2_client::{Message, Server};
+use serde::{Deserialize, Serialize};
+
+use crate::loader::loader;
+use crate::names::service;
+use crate::node::RosNode;
+
+/// The token of the waker; those of servers are greater.
+const WAKE: Token = Token(0);
+/// Events that are taken at once.
+const EVENTS_MAX: usize = 64;
+
+/// A request without fields: ROS sends one byte for it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TriggerRequest {
+    structure_needs_at_least_one_member: u8,
+}
+impl Message for TriggerRequest {}
+
+/// The answer of `std_srvs/Trigger`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TriggerAnswer {
+    /// True if it was done.
+    pub success: bool,
+    /// What was done, or why not.
+    pub message: String,
+}
+impl Message for TriggerAnswer {}
+
+type TriggerServer = Server<TriggerRequest, TriggerAnswer>;
+
+/// What a service does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// START; the net is cancelled when this process is gone.
+    Start,
+    /// CANCEL.
+    Cancel,
+}
+
+impl Operation {
+    /// Returns the last part of the service's name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Operation::Start => "start",
+            Operation::Cancel => "cancel",
+        }
+    }
+}
+
+/// Changes of the servers of a thread.
+enum ServerChange {
+    Add(String, Box<TriggerServer>),
+    Remove(String),
+}
+
+/// The services of one operation, as the thread sees them that looks at the nets.
+pub struct OperationServers {
+    operation: Operation,
+    offered: BTreeSet<String>,
+    changes: Sender<ServerChange>,
+    waker: Arc<Waker>,
+}
+
+impl OperationServers {
+    /// Starts the thread that serves an operation until `ends`; wake it then by the waker that is returned.
+    ///
+    /// # Errors
+    /// Fails if the system refuses a thread or an event queue.
+    pub fn start(
+        operation: Operation,
+        cell: &str,
+        ends: &Arc<AtomicBool>,
+    ) -> io::Result<(OperationServers, Arc<Waker>)> {
+        let poll = Poll::new()?;
+        let waker = Arc::new(Waker::new(poll.registry(), WAKE)?);
+        let (changes, arriving) = channel();
+        let thread = ServiceThread {
+            operation,
+            cell: cell.to_owned(),
+            ends: Arc::clone(ends),
+            poll,
+            arriving,
+            servers: BTreeMap::new(),
+            next_token: WAKE.0 + 1,
+            leased: None,
+        };
+        helpers::thread(operation.name(), move || thread.run())?;
+        let servers = OperationServers {
+            operation,
+            offered: BTreeSet::new(),
+            changes,
+            waker: Arc::clone(&waker),
+        };
+        Ok((servers, waker))
+    }
+
+    /// Offers the service for each net that is loaded, and ends those of nets that are gone.
+    pub fn offer(&mut self, node: &RosNode, commands: &[CommandView]) {
+        let lives = |row: &&CommandView| {
+            ["ready", "running", "canceling"].contains(&row.state.as_str())
+                && !row.net.starts_with(crate::names::GOAL_NETS)
+        };
+        let nets = commands.iter().filter(lives);
+        let nets: BTreeSet<String> = nets.map(|row| row.net.clone()).collect();
+        let gone: Vec<String> = self.offered.difference(&nets).cloned().collect();
+        let new: Vec<String> = nets.difference(&self.offered).cloned().collect();
+        for net in gone {
+            self.offered.remove(&net);
+            self.tell(ServerChange::Remove(net));
+        }
+        for net in new {
+            let name = service(node.name(), &net, self.operation.name());
+            match node.server(&name, "std_srvs/Trigger") {
+                Ok(server) => self.tell(ServerChange::Add(net.clone(), Box::new(server))),
+                Err(error) => tracing::warn!(%error, "a service is not offered"),
+            }
+            // One that cannot be offered is not tried five times a second.
+            self.offered.insert(net);
+        }
+    }
+
+    fn tell(&self, change: ServerChange) {
+        // The thread ends with the program only.
+        let told = self.changes.send(change).is_ok();
+        if let Err(error) = self.waker.wake().and(told.then_some(()).ok_or_else(ended)) {
+            tracing::warn!(%error, "the services of nets are not changed");
+        }
+    }
+}
+
+fn ended() -> io::Error {
+    io::Error::other("the thread has ended")
+}
+
+struct ServiceThread {
+    operation: Operation,
+    cell: String,
+    ends: Arc<AtomicBool>,
+    poll: Poll,
+    arriving: Receiver<ServerChange>,
+    servers: BTreeMap<String, TriggerServer>,
+    next_token: usize,
+    /// The connection whose lease what was started is bound to.
+    leased: Option<Cell>,
+}
+
+impl ServiceThread {
+    fn run(mut self) {
+        let mut events = Events::with_capacity(EVENTS_MAX);
+        // Acquire pairs with the release of the thread that ends the program.
+        while !self.ends.load(Ordering::Acquire) {
+            if let Err(error) = self.poll.poll(&mut events, None)
+                && error.kind() != io::ErrorKind::Interrupted
+            {
+                tracing::error!(%error, "services of nets are not served any more");
+                return;
+            }
+            self.change();
+            // Few servers: all are asked, whichever event came.
+            let nets: Vec<String> = self.servers.keys().cloned().collect();
+            for net in nets {
+                self.serve(&net);
+            }
+        }
+    }
+
+    fn change(&mut self) {
+        while let Ok(change) = self.arriving.try_recv() {
+            let registry = self.poll.registry();
+            let (net, result) = match change {
+                ServerChange::Remove(net) => match self.servers.remove(&net) {
+                    Some(mut server) => (net, registry.deregister(&mut server)),
+                    None => continue,
+                },
+                ServerChange::Add(net, mut server) => {
+                    let token = Token(self.next_token);
+                    self.next_token += 1;
+                    let result = registry.register(&mut *server, token, Interest::READABLE);
+                    self.servers.insert(net.clone(), *server);
+                    (net, result)
+                }
+            };
+            if let Err(error) = result {
+                tracing::warn!(net, %error, "a service cannot be awaited");
+            }
+        }
+    }
+
+    fn serve(&mut self, net: &str) {
+        loop {
+            let Some(server) = self.servers.get(net) else {
+                return;
+            };
+            let id = match server.receive_request() {
+                Ok(Some((id, _))) => id,
+                Ok(None) => return,
+                Err(error) => {
+                    tracing::debug!(?error, net, "a request is not understood");
+                    return;
+                }
+            };
+            let done = self.operate(net);
+            let answer = match done {
+                Ok(cycle) => TriggerAnswer {
+                    success: true,
+                    message: format!("{} in cycle {cycle}", self.operation.name()),
+                },
+                Err(error) => TriggerAnswer {
+                    success: false,
+                    message: error.to_string(),
+                },
+            };
+            tracing::info!(
+                net,
+                operation = self.operation.name(),
+                answer.message,
+                "asked"
+            );
+            if let Some(server) = self.servers.get(net)
+                && let Err(error) = server.send_response(id, answer)
+            {
+                tracing::debug!(?error, net, "not answered");
+            }
+        }
+    }
+
+    fn operate(&mut self, net: &str) -> Result<u64, ClientError> {
+        match self.operation {
+            Operation::Cancel => {
+                let path = format!("/commands/{}/cancel", segment(net));
+                let done: Done = loader(&self.cell)?.post(&path, String::new())?;
+                Ok(done.cycle)
+            }
+            Operation::Start => {
+                let cell = match &self.leased {
+                    Some(cell) => cell,
+                    None => self.leased.insert(Cell::local(&self.cell)?),
+                };
+                cell.command(net)?.start_with(OnClientLoss::Cancel)
+            }
+        }
+    }
+}
