@@ -102,7 +102,10 @@ fn planned(net: &str) -> Vec<(String, String, f64)> {
     assert_eq!(code, Some(0), "{out}{err}");
     let explained: Value = serde_json::from_str(&out).expect("JSON");
     let motions = &explained["motions"];
-    assert!(motions["planning_ns"].as_u64().expect("a time") > 0, "{out}");
+    assert!(
+        motions["planning_ns"].as_u64().expect("a time") > 0,
+        "{out}"
+    );
     let sections = motions["sections"].as_array().expect("a list").iter();
     let text = |value: &Value| value.as_str().expect("a text").to_owned();
     let row = |it: &Value| {

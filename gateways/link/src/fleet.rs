@@ -2,11 +2,13 @@
 //! `rcc-link`.
 
 use std::collections::BTreeMap;
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 use rcc_config::link::TlsFiles;
 use serde_json::Value;
 use zenoh::query::ConsolidationMode;
+use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
 
 use crate::access::Role;
@@ -19,6 +21,9 @@ const CONNECT_MAX: Duration = Duration::from_secs(5);
 const LOOK: Duration = Duration::from_millis(20);
 /// Longest wait for answers.
 const ANSWER_MAX: Duration = Duration::from_secs(3);
+
+/// Messages that wait for their reader.
+const MESSAGES_MAX: usize = 1024;
 
 /// Why nothing was learnt.
 #[derive(Debug, thiserror::Error)]
@@ -114,6 +119,58 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
         }
     }
     Ok(found)
+}
+
+/// A message of a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellMessage {
+    /// `SITE/CELL`.
+    pub cell: String,
+    /// What it is about: the kind of an event, or the name of a net or topic.
+    pub name: String,
+    /// The message.
+    pub body: Value,
+}
+
+/// Calls `each` with every message of these keys, as `rcc/SITE/CELL/KIND/NAME`, until it returns false.
+///
+/// # Errors
+/// Fails if the network refuses the subscription, or ends it.
+pub fn follow(
+    session: &Session,
+    keys: &[String],
+    mut each: impl FnMut(CellMessage) -> bool,
+) -> Result<(), FleetError> {
+    let ask = |error: zenoh::Error| FleetError::Ask(error.to_string());
+    let (told, messages) = sync_channel(MESSAGES_MAX);
+    for key in keys {
+        let told = told.clone();
+        let subscriber = session.declare_subscriber(key).callback(move |sample| {
+            let Some(message) = message(&sample) else {
+                return;
+            };
+            // Zenoh's thread waits while the reader is behind; the reader that has ended needs nothing more.
+            let _ = told.send(message);
+        });
+        subscriber.background().wait().map_err(ask)?;
+    }
+    drop(told);
+    while let Ok(message) = messages.recv() {
+        if !each(message) {
+            return Ok(());
+        }
+    }
+    Err(FleetError::Ask("the session has ended".to_owned()))
+}
+
+fn message(sample: &Sample) -> Option<CellMessage> {
+    let key = sample.key_expr().as_str();
+    let name = key.splitn(5, '/').nth(4)?.to_owned();
+    Some(CellMessage {
+        cell: cell_of(key)?,
+        name,
+        body: serde_json::from_slice(&sample.payload().to_bytes()).ok()?,
+    })
 }
 
 /// Asks a cell for START or CANCEL of a net, as `peer`; returns its answer.

@@ -92,6 +92,24 @@ impl CellKeys {
         [format!("{}/**", self.base), self.alive("**")]
     }
 
+    /// Returns the key expression of all events.
+    #[must_use]
+    pub fn events(&self) -> String {
+        self.event("*")
+    }
+
+    /// Returns the key expression of all states of nets.
+    #[must_use]
+    pub fn nets(&self) -> String {
+        self.net("*")
+    }
+
+    /// Returns the key expression of topics, as `*` or `**` for a part or all parts of a name have it.
+    #[must_use]
+    pub fn topics(&self, pattern: &str) -> String {
+        format!("{}/topic/{pattern}", self.base)
+    }
+
     /// Returns the key expression of the requests of all peers.
     #[must_use]
     pub fn requests(&self) -> String {

@@ -235,12 +235,12 @@ fn unquoted_part(text: &str, bracket: usize) -> Option<&str> {
 }
 
 /// A list or mapping that is being parsed.
-enum OpenNode<'a> {
+enum OpenNode {
     List(Vec<Node>),
     Map {
         entries: Vec<Entry>,
         /// Names of all entries, once there are many.
-        keys: HashSet<Cow<'a, str>>,
+        keys: HashSet<String>,
         /// The key whose value comes next, and whether it is the first one with its name.
         key: Option<(Key, bool)>,
     },
@@ -250,20 +250,19 @@ enum OpenNode<'a> {
 const FEW_ENTRIES: usize = 16;
 
 /// Whether a mapping has no entry of this name yet.
-fn is_new<'a>(name: &Cow<'a, str>, entries: &[Entry], keys: &mut HashSet<Cow<'a, str>>) -> bool {
+fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<String>) -> bool {
     if entries.len() < FEW_ENTRIES {
-        return entries.iter().all(|entry| entry.key.name != *name);
+        return entries.iter().all(|entry| entry.key.name != name);
     }
     if keys.is_empty() {
-        let names = entries.iter().map(|entry| entry.key.name.clone());
-        keys.extend(names.map(Cow::Owned));
+        keys.extend(entries.iter().map(|entry| entry.key.name.clone()));
     }
-    keys.insert(name.clone())
+    keys.insert(name.to_owned())
 }
 
 struct TreeBuilder<'a> {
     text: &'a str,
-    stack: Vec<(OpenNode<'a>, Span)>,
+    stack: Vec<(OpenNode, Span)>,
     documents: usize,
     root: Option<Node>,
     faults: Vec<Diagnostic>,
@@ -374,7 +373,7 @@ impl<'a> TreeBuilder<'a> {
         self.open(map, span)
     }
 
-    fn open(&mut self, open: OpenNode<'a>, span: Span) -> Result<(), Box<Diagnostic>> {
+    fn open(&mut self, open: OpenNode, span: Span) -> Result<(), Box<Diagnostic>> {
         if let Some((OpenNode::Map { key: None, .. }, _)) = self.stack.last() {
             let fault =
                 Diagnostic::error(NOT_SUPPORTED, span, "a list or mapping is used as a key");

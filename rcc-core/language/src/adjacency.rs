@@ -75,9 +75,15 @@ mod tests {
     fn edges_are_kept_in_order_and_can_be_reversed() {
         let edges: Adjacency = [vec![2, 2], vec![], vec![0, 1]].into_iter().collect();
         assert_eq!(edges.count(), 3);
-        assert_eq!([0, 1, 2, 3].map(|node| edges.of(node)), [&[2, 2][..], &[], &[0, 1], &[]]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|node| edges.of(node)),
+            [&[2, 2][..], &[], &[0, 1], &[]]
+        );
         let reversed = edges.reversed(4);
         assert_eq!(reversed.count(), 4);
-        assert_eq!([0, 1, 2, 3].map(|node| reversed.of(node)), [&[2][..], &[2], &[0, 0], &[]]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|node| reversed.of(node)),
+            [&[2][..], &[2], &[0, 0], &[]]
+        );
     }
 }

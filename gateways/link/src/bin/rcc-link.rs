@@ -3,6 +3,7 @@
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -11,9 +12,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::{Args, Parser, Subcommand};
 use rcc_config::CellConfig;
 use rcc_config::link::{TlsFiles, is_cell_key, is_endpoint};
-use rcc_link::fleet::{self, FleetError, FoundCell};
+use rcc_link::fleet::{self, CellMessage, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
-use rcc_link::keys::Operation;
+use rcc_link::keys::{CellKeys, Operation, is_topic};
 use rcc_process::Stop;
 use rcc_process::oom::{SCORE_OBSERVER, raise_score};
 
@@ -46,6 +47,25 @@ enum LinkCommand {
         /// Only those of this site
         #[arg(long, default_value = "*")]
         site: String,
+    },
+    /// Follow the events of all cells, and the states of their nets, until interrupted
+    Events {
+        #[command(flatten)]
+        reach: Reach,
+        /// Only those of this site
+        #[arg(long, default_value = "*")]
+        site: String,
+    },
+    /// Follow topics of a cell, until interrupted
+    Tail {
+        #[command(flatten)]
+        reach: Reach,
+        /// Cell whose topics these are
+        #[arg(value_name = "SITE/CELL", value_parser = cell_key)]
+        cell: String,
+        /// Topic; `*` stands for one part of a name, `**` for all
+        #[arg(default_value = "**", value_parser = topic)]
+        topic: String,
     },
     /// Start a net of another cell, if that cell's `link: start` allows it
     Start(Ask),
@@ -119,6 +139,13 @@ fn endpoint(text: &str) -> Result<String, String> {
     }
 }
 
+fn topic(text: &str) -> Result<String, String> {
+    match is_topic(&text.replace('*', "x")) {
+        true => Ok(text.to_owned()),
+        false => Err("write the name of a topic, such as door/open, door/* or **".to_owned()),
+    }
+}
+
 fn cell_key(text: &str) -> Result<String, String> {
     match is_cell_key(text) {
         true => Ok(text.to_owned()),
@@ -169,6 +196,21 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
             }
             Ok(())
         }
+        LinkCommand::Events { reach, site } => {
+            let all = CellKeys::new(&site, "*");
+            let session = reach.session()?;
+            Ok(fleet::follow(
+                &session,
+                &[all.events(), all.nets()],
+                |it| print(&event(&it)),
+            )?)
+        }
+        LinkCommand::Tail { reach, cell, topic } => {
+            let keys = [CellKeys::of(&cell).topics(&topic)];
+            Ok(fleet::follow(&reach.session()?, &keys, |it| {
+                print(&value(&it))
+            })?)
+        }
         LinkCommand::Start(ask) => operate(&ask, Operation::Start),
         LinkCommand::Cancel(ask) => operate(&ask, Operation::Cancel),
     }
@@ -184,6 +226,34 @@ fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {
         answer["cycle"]
     ));
     Ok(())
+}
+
+/// Writes a line; false if nobody reads any more.
+fn print(line: &str) -> bool {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}").and_then(|()| out.flush()).is_ok()
+}
+
+/// Returns the line of an event, or of a net's new state.
+fn event(CellMessage { cell, name, body }: &CellMessage) -> String {
+    match body["words"].as_str().filter(|_| body["kind"].is_string()) {
+        Some(words) => {
+            let text = |key: &str| body[key].as_str().unwrap_or("–").to_owned();
+            format!("{cell}  {}  {}  {words}", text("time"), text("severity"))
+        }
+        None => format!("{cell}  net {name}#{} is {}", body["id"], body["state"]),
+    }
+}
+
+/// Returns the line of a topic's value.
+fn value(CellMessage { cell, name, body }: &CellMessage) -> String {
+    let unit = body["unit"].as_str().map(|unit| format!(" {unit}"));
+    let age_ms = body["age_ns"].as_u64().unwrap_or(0) as f64 * 1e-6;
+    let unit = unit.unwrap_or_default();
+    format!(
+        "{cell}  {name}  {}{unit}  age {age_ms:.1} ms",
+        body["value"]
+    )
 }
 
 /// Returns the line of a cell.

@@ -22,10 +22,7 @@ use crate::syntax::literal::LiteralShape;
 const NAMED_MAX: usize = 12;
 
 /// Returns, by item, the items that it reads from.
-fn sources(
-    graph: &NetGraph<'_>,
-    keep: impl Fn(usize, &ResolvedLink<'_>) -> bool,
-) -> Adjacency {
+fn sources(graph: &NetGraph<'_>, keep: impl Fn(usize, &ResolvedLink<'_>) -> bool) -> Adjacency {
     let keep = &keep;
     let items = graph.items.iter().enumerate();
     let sources = items.map(|(number, item)| {
@@ -144,12 +141,7 @@ fn has_delay(graph: &NetGraph<'_>, circle: &[usize]) -> bool {
 }
 
 /// Marks items as known until a fixpoint is reached; linear in the number of links.
-fn settle(
-    graph: &NetGraph<'_>,
-    components: &Components,
-    sources: &Adjacency,
-    known: &mut [bool],
-) {
+fn settle(graph: &NetGraph<'_>, components: &Components, sources: &Adjacency, known: &mut [bool]) {
     let readers = sources.reversed(sources.count());
     let mut queue: Vec<usize> = (0..graph.items.len()).collect();
     while let Some(number) = queue.pop() {

@@ -197,7 +197,9 @@ pub fn goals_are_within_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>)
 /// moves.
 pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let motions = net.graph.items.iter().enumerate();
-    let mut motions = motions.filter(|(_, item)| item.spec().role == Role::Motion).peekable();
+    let mut motions = motions
+        .filter(|(_, item)| item.spec().role == Role::Motion)
+        .peekable();
     if motions.peek().is_none() {
         return;
     }
