@@ -252,7 +252,8 @@ fn capacity(room: &CellCapacity) -> String {
 mod tests {
     use super::*;
     use crate::verbs::explain::report::{
-        Consequence, CriticalPath, EvaluationStep, NullSource, TypeShare,
+        Consequence, CriticalPath, EvaluationStep, MotionSection, NullSource, PlannedMotions,
+        TypeShare,
     };
 
     fn explanation(steps: usize) -> Explanation {
@@ -302,6 +303,15 @@ mod tests {
                 why: "`lwr` is lost: ft → p1".into(),
                 then: "no command".into(),
             }],
+            motions: Some(PlannedMotions {
+                sections: vec![MotionSection {
+                    motion: "move".into(),
+                    legs: [1, 3],
+                    time_scaling: "time-optimal",
+                    duration_s: 1.25,
+                }],
+                planning_ns: 21_000_000,
+            }),
             cell: Some(CellCapacity {
                 cell: "demo".into(),
                 budget_ns: 500_000,
@@ -339,6 +349,7 @@ mod tests {
             "1      0    p1         Add (Real)  1.5 ns  out Real m  `lwr` is lost: ft",
             "critical path: 3 primitives, 3.0 ns: p0 → p1 → p2",
             "null at `robot.position` (`lwr` is lost: ft → p1): no command",
+            "move    1 to 3  1.250 s  time-optimal\nplanned in 21.0 ms",
             "400.0 µs left; the most expensive one is other#1 (100.0 µs)",
         ] {
             assert!(text.contains(part), "{part}\n{text}");
