@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rcc_testing::{Random, Rng};
 use rcc_tests::cell_fixture::{await_some, await_told};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use pair::CellPair;
 
@@ -52,6 +52,12 @@ fn a_topic_of_one_cell_moves_an_arm_of_another() {
     }
     let device = pair.b.device("press").expect("the device");
     assert_eq!(device["state"], "ready", "{device}");
+    let tail = ["tail", "--connect", pair::ENDPOINT, "lab-a/test", "belt/*"];
+    let line = pair.followed_in_b(&tail, "belt/position");
+    assert!(
+        line.starts_with("lab-a/test  belt/position  0.15 rad  age "),
+        "{line}"
+    );
     // The publisher ends: null, at once and without a loss of the device.
     pair.a.cli_exits(CANCELED, &["cancel", "belt", "--wait"]);
     await_some("null after the end of the publisher", || {
@@ -187,6 +193,43 @@ fn start_is_refused_unless_the_cell_names_the_net_and_cancel_is_not() {
     pair.a.assert_ends(belt, "canceled");
     let listed = pair.link_in_b(&["cells", "--connect", pair::ENDPOINT]);
     assert!(listed.contains("lab-a/test  alive  cycle "), "{listed}");
+    pair.stop();
+}
+
+/// A rule of B waits for a value of A: never on null, and so never on a value that is older than `expires`.
+#[test]
+fn a_rule_fires_on_a_value_of_another_cell_and_not_while_the_link_is_cut() {
+    let Some(pair) = pair("a rule fires on a value of another cell") else {
+        return;
+    };
+    pair.run_both();
+    pair.publish(0.1);
+    let other = pair.b.load(pair::OTHER);
+    let rule = json!({
+        "when": "follow.belt.out > 0.3", "start": "other", "on_client_loss": "go on",
+    });
+    let installed = pair
+        .b
+        .rest("POST", "/rules", &json!({"rules": [rule]}).to_string());
+    assert_eq!(installed.status, 200, "{}", installed.body);
+    pair.hosts.cut();
+    await_some("null while the link is cut", || {
+        (pair.value("gone.out").ok()? == Value::Bool(true)).then_some(())
+    });
+    pair.publish(0.4);
+    assert_eq!(pair.b.state(other)["state"], "ready");
+    pair.hosts.join();
+    await_told("the rule to fire", || {
+        let state = pair.b.state(other);
+        match state["state"] == "running" {
+            true => Ok(()),
+            false => Err(state.to_string()),
+        }
+    });
+    assert!(
+        pair.value("belt.out")
+            .is_ok_and(|it| it.as_f64() > Some(0.3))
+    );
     pair.stop();
 }
 

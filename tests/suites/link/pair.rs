@@ -1,7 +1,8 @@
 //! Cell A publishes a number, which cell B's arm follows; each in its own network namespace.
 
+use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
-use std::process::Child;
+use std::process::{Child, Stdio};
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
@@ -194,6 +195,21 @@ impl CellPair {
         let output = output.expect("rcc-link runs");
         let text = [output.stdout, output.stderr].concat();
         String::from_utf8_lossy(&text).into_owned()
+    }
+
+    /// Runs `rcc-link` in B, which follows something, until it prints a line that contains `words`; returns that line.
+    pub fn followed_in_b(&self, arguments: &[&str], words: &str) -> String {
+        let mut command = self.b.program_at(&self.programs.join("rcc-link"));
+        let mut child = ends_with_test(command.args(arguments).stdout(Stdio::piped()))
+            .spawn()
+            .expect("rcc-link runs");
+        let lines = BufReader::new(child.stdout.take().expect("a pipe")).lines();
+        let found = lines
+            .map_while(Result::ok)
+            .find(|line| line.contains(words));
+        let _ = child.kill();
+        let _ = child.wait();
+        found.unwrap_or_else(|| panic!("no line with `{words}`"))
     }
 
     /// Asks A, as another cell.
