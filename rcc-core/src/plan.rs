@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::DeviceModel;
 use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
-use crate::primitive::{CYCLES_MAX, ChannelKind, Kernel, Operand, Role, Size};
+use crate::primitive::{
+    CYCLES_MAX, ChannelKind, Kernel, Operand, Role, Size, SizeList, Sizes, Spec,
+};
 use crate::primitives;
 use crate::topic::Topic;
 use crate::types::Store;
@@ -545,6 +547,7 @@ impl<'a> Plan<'a> {
         for (run, index) in self.runs.iter().zip(0u32..) {
             let (entry, kernel) =
                 primitives::kernel(run.kernel).ok_or(PlanError::UnknownKernel { run: index })?;
+            let sizes = entry.spec.sizes(kernel);
             let group = entry.spec.operands(kernel).count();
             let operands = self
                 .operands_of(run)
@@ -555,7 +558,13 @@ impl<'a> Plan<'a> {
             for (group, number) in operands.chunks_exact(group).zip(0u32..) {
                 let first = run.first + number * group.len() as u32;
                 tally.primitives += 1;
-                self.check_group(entry, kernel, group, first, models, &mut tally)?;
+                let group = OperandGroup {
+                    kernel,
+                    sizes,
+                    values: group,
+                    first,
+                };
+                self.check_group(&entry.spec, group, models, &mut tally)?;
             }
         }
         if !(1..=OUTCOMES_MAX).contains(&tally.terminations) {
@@ -576,19 +585,24 @@ impl<'a> Plan<'a> {
 
     fn check_group(
         &self,
-        entry: &primitives::CatalogueEntry,
-        kernel: &Kernel,
-        group: &[u32],
-        first: u32,
+        spec: &Spec,
+        group: OperandGroup<'_>,
         models: &[DeviceModel],
         tally: &mut PlanTally,
     ) -> Result<(), PlanError> {
-        let spec = &entry.spec;
-        let sizes = spec.sizes_in(kernel, group);
-        let work = sizes.work().saturating_mul(group.len() as u64);
+        let OperandGroup {
+            kernel,
+            sizes: list,
+            values,
+            first,
+        } = group;
+        let sizes = Sizes::read(&list, values);
+        let work = sizes.work().saturating_mul(values.len() as u64);
         tally.work = tally.work.saturating_add(work);
         let mut device = None;
-        for ((operand, &value), index) in spec.operands(kernel).zip(group).zip(first..) {
+        let operands = spec.operands_before_sizes(kernel);
+        let operands = operands.chain(list.iter().map(Operand::Size));
+        for ((operand, &value), index) in operands.zip(values).zip(first..) {
             let bad = PlanError::BadOperand { operand: index };
             let good = match operand {
                 Operand::Slot { store, width, .. } => {
@@ -646,6 +660,17 @@ fn channel_max(kind: ChannelKind) -> u32 {
         ChannelKind::DigitalInput | ChannelKind::DigitalOutput => DIGITAL_MAX as u32,
         ChannelKind::AnalogInput | ChannelKind::AnalogOutput => ANALOG_MAX as u32,
     }
+}
+
+/// The operands of one primitive.
+#[derive(Clone, Copy)]
+struct OperandGroup<'a> {
+    kernel: &'a Kernel,
+    /// Found once for all groups of a run.
+    sizes: SizeList,
+    values: &'a [u32],
+    /// Index of the first operand in the plan.
+    first: u32,
 }
 
 /// Claims and counts that the check has accumulated.

@@ -19,7 +19,7 @@ mod window;
 pub use channel::{each_bit_channel, each_real_channel};
 pub use duration::{elapsed, reached};
 pub use elements::{ELEMENTS, TRUTHS, fold_bool, reduce};
-pub use operand::{CYCLES_MAX, DIMS_MAX, MemorySpec, Operand, Size, Sizes, Width};
+pub use operand::{CYCLES_MAX, DIMS_MAX, MemorySpec, Operand, Size, SizeList, Sizes, Width};
 pub use port::{
     ChannelKind, DefaultValue, Dim, ElementType, Parameter, ParameterKind, Port, PortType,
     TypeFamily, UnitRule,

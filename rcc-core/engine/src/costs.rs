@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::plan::{Delay, KernelRun, MonitorPoint, Plan};
-use rcc_core::primitive::{CatalogueEntry, Kernel, Size};
+use rcc_core::primitive::{CatalogueEntry, Kernel, Size, Sizes};
 use rcc_core::primitives::{self, CATALOGUE, KERNELS_MAX};
 use rcc_core::types::Store;
 use rcc_os::clock::monotonic_ns;
@@ -250,8 +250,9 @@ fn width(plan: &Plan<'_>, run: &KernelRun) -> Option<u32> {
 
 /// The size that the duration of a primitive grows with, if its kernel has one.
 fn size_of(entry: &CatalogueEntry, kernel: &Kernel, group: &[u32]) -> Option<u32> {
-    let work = entry.spec.sizes_in(kernel, group).work();
-    let sized = entry.spec.sizes(kernel).any(|size| size != Size::Cycles);
+    let sizes = entry.spec.sizes(kernel);
+    let work = Sizes::read(&sizes, group).work();
+    let sized = sizes.iter().any(|size| size != Size::Cycles);
     sized.then(|| u32::try_from(work).unwrap_or(u32::MAX))
 }
 

@@ -200,7 +200,7 @@ impl KernelNetBuilder {
     /// Adds the operands of one primitive, in the order of [`Spec::operands`].
     fn group(&mut self, spec: &Spec, kernel: &Kernel) {
         let mut sizes = Sizes::ONE;
-        for size in spec.sizes(kernel) {
+        for size in spec.sizes(kernel).iter() {
             let width = match size {
                 Size::Cycles => WINDOW,
                 Size::Open => member_of(spec).map_or(WIDTH, Type::width),

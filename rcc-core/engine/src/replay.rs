@@ -7,7 +7,7 @@ mod rules;
 use std::collections::BTreeMap;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
-use rcc_core::primitive::Operand;
+use rcc_core::primitive::{Operand, Sizes};
 use rcc_core::primitives;
 use rcc_core::types::Store;
 
@@ -377,8 +377,9 @@ fn first_difference(net: &Net, snapshot: &NetSnapshot<'_>) -> Option<SlotDiffere
     for run in plan.runs {
         let (entry, kernel) = primitives::kernel(run.kernel)?;
         let group = entry.spec.operands(kernel).count().max(1);
+        let list = entry.spec.sizes(kernel);
         for operands in plan.operands_of(run)?.chunks_exact(group) {
-            let sizes = entry.spec.sizes_in(kernel, operands);
+            let sizes = Sizes::read(&list, operands);
             for (operand, &slot) in entry.spec.operands(kernel).zip(operands) {
                 let Operand::Slot {
                     store,

@@ -6,6 +6,8 @@ use crate::types::{Store, Type};
 
 /// Maximum number of length variables of a primitive.
 pub const DIMS_MAX: usize = 4;
+/// Maximum number of sizes of a primitive: the open one, lengths, and that of a window.
+const SIZES_MAX: usize = DIMS_MAX + 2;
 /// Maximum number of evaluations that a window or delay line spans.
 pub const CYCLES_MAX: u32 = 10_000;
 
@@ -60,6 +62,17 @@ impl Width {
     }
 }
 
+/// The sizes among the operands of a kernel, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SizeList([Option<Size>; SIZES_MAX]);
+
+impl SizeList {
+    /// Returns the sizes.
+    pub fn iter(&self) -> impl Iterator<Item = Size> + use<> {
+        self.0.into_iter().flatten()
+    }
+}
+
 /// The sizes of one use of a primitive; a size that is not an operand of its kernel is 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
@@ -75,6 +88,17 @@ impl Sizes {
         dims: [1; DIMS_MAX],
         cycles: 1,
     };
+
+    /// Reads the sizes at the end of an operand group.
+    pub fn read(sizes: &SizeList, group: &[u32]) -> Sizes {
+        let mut read = Sizes::ONE;
+        let tail = group.len().saturating_sub(sizes.iter().count());
+        let values = group.get(tail..).unwrap_or(&[]);
+        for (size, value) in sizes.iter().zip(values) {
+            read.set(size, *value);
+        }
+        read
+    }
 
     /// Returns one size.
     pub fn get(&self, size: Size) -> u32 {
@@ -312,23 +336,16 @@ impl Spec {
     }
 
     /// Returns the sizes at the end of this kernel's operands, in order.
-    pub fn sizes(&self, kernel: &Kernel) -> impl Iterator<Item = Size> + use<'_> {
+    pub fn sizes(&self, kernel: &Kernel) -> SizeList {
         let open = (self.is_wide() && !kernel.single).then_some(Size::Open);
         let dims = (0..DIMS_MAX as u8).filter(|dim| self.types().any(|ty| ty.has_dim(*dim)));
         let cycles = self.memory.window.then_some(Size::Cycles);
-        open.into_iter().chain(dims.map(Size::Dim)).chain(cycles)
-    }
-
-    /// Reads the sizes at the end of one operand group of this kernel.
-    pub fn sizes_in(&self, kernel: &Kernel, group: &[u32]) -> Sizes {
-        let mut sizes = Sizes::ONE;
-        let count = self.sizes(kernel).count();
-        let tail = group.len().saturating_sub(count);
-        let values = group.get(tail..).unwrap_or(&[]);
-        for (size, value) in self.sizes(kernel).zip(values) {
-            sizes.set(size, *value);
+        let mut list = [None; SIZES_MAX];
+        let sizes = open.into_iter().chain(dims.map(Size::Dim)).chain(cycles);
+        for (place, size) in list.iter_mut().zip(sizes) {
+            *place = Some(size);
         }
-        sizes
+        SizeList(list)
     }
 
     /// Returns the operand for the primitive's memory in this kernel.
@@ -348,6 +365,16 @@ impl Spec {
     /// Returns the operands of a kernel of this primitive, in order: inputs, outputs, parameters, state (reals, bools,
     /// ints), memory, path clock, sizes. This order is the contract between loader, check and kernels.
     pub fn operands(&self, kernel: &Kernel) -> impl Iterator<Item = Operand> + use<'_> {
+        let sizes = self.sizes(kernel).iter();
+        self.operands_before_sizes(kernel)
+            .chain(sizes.map(Operand::Size))
+    }
+
+    /// Returns the operands of a kernel of this primitive that come before the sizes.
+    pub(crate) fn operands_before_sizes(
+        &self,
+        kernel: &Kernel,
+    ) -> impl Iterator<Item = Operand> + use<'_> {
         let store = kernel.store;
         let state = [
             (Store::Real, self.state.reals),
@@ -373,7 +400,6 @@ impl Spec {
             .chain(state)
             .chain(self.memory.operand(store))
             .chain(clock)
-            .chain(self.sizes(kernel).map(Operand::Size))
     }
 
     /// Returns true if the operands of this kernel include the width of open or joint ports.

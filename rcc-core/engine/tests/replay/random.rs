@@ -146,7 +146,7 @@ impl RandomPlanBuilder<'_> {
         let ports = || entry.spec.inputs.iter().chain(entry.spec.outputs);
         let kernel_of = &entry.kernels[kernel];
         let mut sizes = Sizes::ONE;
-        for size in entry.spec.sizes(kernel_of) {
+        for size in entry.spec.sizes(kernel_of).iter() {
             sizes.set(size, 1 + self.random.below(9) as u32);
         }
         if ports().any(|port| port.ty == PortType::Joints) {

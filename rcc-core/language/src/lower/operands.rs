@@ -1,7 +1,9 @@
 //! The operands of an item: the slots of its ports and parameters, its state, and its sizes. Runs on the loader's
 //! threads.
 
-use rcc_core::primitive::{Dim, Kernel, Operand, ParameterKind, Role, Size, Sizes, StateSpec};
+use rcc_core::primitive::{
+    Dim, Kernel, Operand, ParameterKind, Role, Size, SizeList, Sizes, StateSpec,
+};
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
 
@@ -72,20 +74,21 @@ impl Lowering<'_> {
         let Some((_, kernel)) = primitives::kernel(kernel) else {
             return;
         };
-        let sizes = self.sizes(number, kernel);
+        let list = spec.sizes(kernel);
+        let sizes = self.sizes(number, &list);
         self.place_memory(number, kernel, &sizes, operands);
         if spec.role == Role::Motion {
             operands.push(self.clocks);
             self.clocks += 1;
         }
-        operands.extend(spec.sizes(kernel).map(|size| sizes.get(size)));
+        operands.extend(list.iter().map(|size| sizes.get(size)));
     }
 
     /// Returns the sizes of an item.
-    fn sizes(&self, number: usize, kernel: &Kernel) -> Sizes {
+    fn sizes(&self, number: usize, list: &SizeList) -> Sizes {
         let (item, inferred) = (self.item(number), self.net.inferred);
         let mut sizes = Sizes::ONE;
-        for size in item.spec().sizes(kernel) {
+        for size in list.iter() {
             let value = match size {
                 Size::Open => {
                     let open = item.spec().types().find(|ty| ty.is_wide());
@@ -127,7 +130,7 @@ impl Lowering<'_> {
         let given = first.flatten().zip(open);
         let start = given.and_then(|(literal, ty)| literal.stored(ty));
         let start = start.or_else(|| literal(memory.start).stored(scalar));
-        let start = start.unwrap_or(StoredValue::null(scalar));
+        let start = start.unwrap_or_else(|| StoredValue::null(scalar));
         let count = sizes.width(width).checked_div(start.width()).unwrap_or(0);
         operands.push(self.arena.repeated(&start, count));
     }
