@@ -250,7 +250,7 @@ impl<'a> Lowering<'a> {
         DelayKey {
             store: source.store as u8,
             from: source.slot,
-            initial: ValueBits::of(&initial.unwrap_or(StoredValue::null(ty))),
+            initial: ValueBits::of(&initial.unwrap_or_else(|| StoredValue::null(ty))),
         }
     }
 
@@ -297,14 +297,18 @@ impl<'a> Lowering<'a> {
             let ty = self.port_type(number, port);
             // A constant starts with its value, an input with its initial value in its first output; everything else
             // starts as null.
-            let value = initial_value(item).filter(|_| index == 0);
-            let value = value.and_then(|literal| literal.stored(ty));
-            let value = value.unwrap_or(StoredValue::null(ty));
-            let value = match item.spec().role {
-                Role::Constant => return self.arena.constant(&value),
-                Role::Input => value,
-                _ => StoredValue::null(ty),
+            let given = || {
+                let literal = initial_value(item).filter(|_| index == 0);
+                literal.and_then(|literal| literal.stored(ty))
             };
+            let value = match item.spec().role {
+                Role::Constant | Role::Input => given(),
+                _ => None,
+            };
+            let value = value.unwrap_or_else(|| StoredValue::null(ty));
+            if item.spec().role == Role::Constant {
+                return self.arena.constant(&value);
+            }
             let output = OutputId {
                 item: number,
                 port: index,
@@ -349,8 +353,8 @@ impl<'a> Lowering<'a> {
 
     fn constant(&mut self, literal: Option<&Literal>, ty: Type) -> SlotRange {
         let stored = literal.and_then(|literal| literal.stored(ty));
-        self.arena
-            .constant(&stored.unwrap_or(StoredValue::null(ty)))
+        let stored = stored.unwrap_or_else(|| StoredValue::null(ty));
+        self.arena.constant(&stored)
     }
 
     /// Returns the slot of a default. A number is the default of every element of a composite or array.

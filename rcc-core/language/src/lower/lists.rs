@@ -146,7 +146,7 @@ impl<'a> Lowering<'a> {
         if link.delayed {
             let initial = link.initial.and_then(|initial| initial.stored(ty));
             self.arena
-                .write(to, &initial.unwrap_or(StoredValue::null(ty)));
+                .write(to, &initial.unwrap_or_else(|| StoredValue::null(ty)));
             self.lists.delay(from, to);
         } else if self.item(link.from.item).spec().role == Role::Constant {
             self.arena.repeat(from, to);
