@@ -61,6 +61,22 @@ pub const TEXT_MAX: usize = 64;
 pub const ELEMENTS_MAX: u16 = 1024;
 
 impl Type {
+    /// Returns the name of a type without sizes; `None` for arrays and matrices.
+    pub const fn name(self) -> Option<&'static str> {
+        Some(match self {
+            Type::Bool => "Bool",
+            Type::Int => "Int",
+            Type::Real => "Real",
+            Type::Text => "Text",
+            Type::Vector3 => "Vector3",
+            Type::Rotation => "Rotation",
+            Type::Pose => "Pose",
+            Type::Twist => "Twist",
+            Type::Wrench => "Wrench",
+            Type::Reals(_) | Type::Bools(_) | Type::Ints(_) | Type::Matrix(..) => return None,
+        })
+    }
+
     /// A homogeneous 4×4 transform of an inner frame in an outer frame, row-major: x_outer = R · x_inner + position.
     pub const TRANSFORM: Type = Type::Matrix(4, 4);
 
@@ -156,19 +172,11 @@ impl Type {
 impl fmt::Display for Type {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Type::Bool => f.write_str("Bool"),
-            Type::Int => f.write_str("Int"),
-            Type::Real => f.write_str("Real"),
-            Type::Text => f.write_str("Text"),
-            Type::Vector3 => f.write_str("Vector3"),
-            Type::Rotation => f.write_str("Rotation"),
-            Type::Pose => f.write_str("Pose"),
-            Type::Twist => f.write_str("Twist"),
-            Type::Wrench => f.write_str("Wrench"),
             Type::Reals(n) => write!(f, "Real[{n}]"),
             Type::Bools(n) => write!(f, "Bool[{n}]"),
             Type::Ints(n) => write!(f, "Int[{n}]"),
             Type::Matrix(r, c) => write!(f, "Real[{r},{c}]"),
+            named => f.write_str(named.name().unwrap_or("")),
         }
     }
 }

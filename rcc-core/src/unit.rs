@@ -85,6 +85,13 @@ impl Unit {
         }
     }
 
+    /// Returns the name of the unit, such as `N`; `None` if it has none of its own, as `m/s`.
+    pub fn name(self) -> Option<&'static str> {
+        let mut names = UNIT_NAMES.iter();
+        let named = names.find(|named| named.unit == self && named.factor == 1.0)?;
+        Some(named.name)
+    }
+
     /// Parses `m/s`, `N`, `deg/s^2`, `mm`, …; returns the SI unit and the factor to it. `None` if a name is not in
     /// [`UNIT_NAMES`].
     pub fn parse(text: &str) -> Option<(Unit, f64)> {
@@ -167,11 +174,8 @@ pub const UNIT_NAMES: &[UnitName] = &[
 
 impl fmt::Display for Unit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(named) = UNIT_NAMES
-            .iter()
-            .find(|named| named.unit == *self && named.factor == 1.0)
-        {
-            return f.write_str(named.name);
+        if let Some(name) = self.name() {
+            return f.write_str(name);
         }
         let mut any = false;
         for (name, &power) in BASE

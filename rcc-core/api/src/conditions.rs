@@ -163,7 +163,7 @@ fn element_of(
         let message = format!("`{primitive}.{port}` has an invalid index");
         return Err(bad(rule, &message, help.to_owned()));
     };
-    let outputs = || found.outputs.iter().map(|known| known.name.as_str());
+    let outputs = || found.outputs.iter().map(|known| &*known.name);
     let Some(output) = found.outputs.iter().find(|known| known.name == port) else {
         let help = match closest(port, outputs()) {
             Some(near) => format!("did you mean `{near}`?"),

@@ -216,11 +216,11 @@ mod tests {
 
     fn port(name: &str, store: Store, slot: u32, width: u32) -> PortNames {
         PortNames {
-            name: name.into(),
+            name: name.to_owned().into(),
             store,
             slot,
             width,
-            type_name: String::new(),
+            type_name: "".into(),
             unit: None,
             source: None,
         }

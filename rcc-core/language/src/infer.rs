@@ -5,6 +5,8 @@
 mod type_solver;
 mod unit_solver;
 
+use std::borrow::Cow;
+
 use rcc_core::primitive::{Dim, Port, PortType, Spec, UnitRule};
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
@@ -28,6 +30,9 @@ pub struct Inferred {
     units: Vec<Option<Unit>>,
 }
 
+/// A text that is nearly always one of the catalogue.
+type Text = Cow<'static, str>;
+
 /// A resolved net with its inferred types and units.
 #[derive(Clone, Copy)]
 pub struct Typed<'a> {
@@ -39,14 +44,19 @@ pub struct Typed<'a> {
 
 impl Typed<'_> {
     /// Returns type and unit of a port of item `number` as text; the unit is `None` if the type implies it or has none.
-    pub(crate) fn port_texts(self, number: usize, port: &Port) -> (String, Option<String>) {
+    pub(crate) fn port_texts(self, number: usize, port: &Port) -> (Text, Option<Text>) {
         let ty = self.inferred.port_type(self.graph, number, port.ty);
         let unit = self.inferred.port_unit(self.graph, number, port.unit);
         let unit = unit.filter(|_| ty.is_some_and(has_unit));
-        (
-            ty.map_or(String::new(), |ty| ty.to_string()),
-            unit.map(|unit| unit.to_string()),
-        )
+        let of_type = |ty: Type| match ty.name() {
+            Some(name) => Text::Borrowed(name),
+            None => Text::Owned(ty.to_string()),
+        };
+        let of_unit = |unit: Unit| match unit.name() {
+            Some(name) => Text::Borrowed(name),
+            None => Text::Owned(unit.to_string()),
+        };
+        (ty.map_or(Text::Borrowed(""), of_type), unit.map(of_unit))
     }
 }
 

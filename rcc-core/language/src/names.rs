@@ -1,6 +1,8 @@
 //! The names of a plan: slots of ports, and sources of monitors. Stored beside the plan, so that monitors and a
 //! restarted loader can name everything; the executor never reads them. Runs on the loader's threads.
 
+use std::borrow::Cow;
+
 use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
 use rcc_core::types::Store;
@@ -58,7 +60,7 @@ pub struct PrimitiveNames {
     pub id: String,
     /// Type.
     #[serde(rename = "type")]
-    pub type_name: String,
+    pub type_name: Cow<'static, str>,
     /// Inputs.
     pub inputs: Vec<PortNames>,
     /// Outputs.
@@ -72,7 +74,7 @@ pub struct PrimitiveNames {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PortNames {
     /// Name.
-    pub name: String,
+    pub name: Cow<'static, str>,
     /// Arena.
     pub store: Store,
     /// Index of the first slot.
@@ -81,9 +83,9 @@ pub struct PortNames {
     pub width: u32,
     /// Type, such as `Real[7]`.
     #[serde(rename = "type")]
-    pub type_name: String,
+    pub type_name: Cow<'static, str>,
     /// Unit, such as `m/s`; `None` if the type implies it or has none.
-    pub unit: Option<String>,
+    pub unit: Option<Cow<'static, str>>,
     /// The `primitive.port` connected to an input; `None` for a constant and for an output.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
@@ -167,7 +169,7 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
             let outputs = item.spec().outputs.iter().zip(&slots.outputs);
             PrimitiveNames {
                 id: item.id().to_string(),
-                type_name: item.spec().name.to_string(),
+                type_name: Cow::Borrowed(item.spec().name),
                 inputs: input_names(net, number, item, slots),
                 outputs: outputs
                     .map(|(port, slot)| port_names(net, number, port, *slot))
@@ -214,7 +216,7 @@ fn input_names(
     let outcomes = item.conditions().zip(&slots.inputs);
     let outcomes = outcomes.filter_map(|((port, name, condition), slot)| {
         Some(PortNames {
-            name: name.to_string(),
+            name: Cow::Owned(name.to_owned()),
             source: condition.link().map(|link| link_name(net, link)),
             ..port_names(net, number, ports.get(port)?, *slot)
         })
@@ -256,8 +258,8 @@ fn inputs(net: Typed<'_>, lowered: &Lowered) -> Vec<InputNames> {
         InputNames {
             primitive: item.id().to_string(),
             topic: item.topic().map(str::to_owned),
-            type_name: port.type_name,
-            unit: port.unit,
+            type_name: port.type_name.into_owned(),
+            unit: port.unit.map(Cow::into_owned),
             at_least: bound(point.at_least),
             at_most: bound(point.at_most),
             expires_s: (point.expires > 0).then_some(expires_s),
@@ -275,8 +277,8 @@ fn publishes(net: Typed<'_>, lowered: &Lowered) -> Vec<TopicNames> {
         Some(TopicNames {
             primitive: item.id().to_string(),
             topic: item.topic()?.to_owned(),
-            type_name: port.type_name,
-            unit: port.unit,
+            type_name: port.type_name.into_owned(),
+            unit: port.unit.map(Cow::into_owned),
         })
     });
     rows.collect()
@@ -314,8 +316,8 @@ fn monitor_names(
         store: names.store,
         slot: names.slot,
         width: names.width,
-        type_name: names.type_name,
-        unit: names.unit,
+        type_name: names.type_name.into_owned(),
+        unit: names.unit.map(Cow::into_owned),
         rate_hz: net.graph.evaluations_hz() / f64::from(every),
         every,
         never_null: false,
@@ -324,8 +326,10 @@ fn monitor_names(
 
 fn link_name(net: Typed<'_>, link: &ResolvedLink<'_>) -> String {
     let output = net.graph.output_name(link.from);
-    link.part
-        .map_or(output.clone(), |part| format!("{output}{part}"))
+    match link.part {
+        Some(part) => format!("{output}{part}"),
+        None => output,
+    }
 }
 
 fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<String> {
@@ -346,7 +350,7 @@ fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<String> {
 pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: SlotRange) -> PortNames {
     let (type_name, unit) = net.port_texts(number, port);
     PortNames {
-        name: port.name.to_string(),
+        name: Cow::Borrowed(port.name),
         store: slot.store,
         slot: slot.slot,
         width: slot.width,

@@ -313,8 +313,8 @@ fn pin(net: Typed<'_>, number: usize, port: &Port, slot: Option<&SlotRange>) -> 
     );
     PortInfo {
         name: Cow::Borrowed(port.name),
-        type_name: names.type_name,
-        unit: names.unit.filter(|unit| unit != "1"),
+        type_name: names.type_name.into_owned(),
+        unit: names.unit.filter(|unit| unit != "1").map(Cow::into_owned),
         store: names.store,
         slot: names.slot,
         width: names.width,

@@ -182,7 +182,7 @@ fn poke(harness: &mut NetHarness, inputs: Inputs, random: &mut TestRandom) -> (b
         }
         let port = primitive.outputs[0].clone();
         let null = inputs == Inputs::Anything && random.once_in(6);
-        let rotation = match port.type_name.as_str() {
+        let rotation = match &*port.type_name {
             "Pose" => Some(3),
             "Rotation" => Some(0),
             _ => None,

@@ -142,7 +142,7 @@ primitives:
 "
     ));
     let types = net.names.primitives.iter().take(2);
-    let types: Vec<_> = types.map(|it| it.outputs[0].type_name.as_str()).collect();
+    let types: Vec<_> = types.map(|it| &*it.outputs[0].type_name).collect();
     assert_eq!(types, ["Real", "Bool"]);
 }
 

@@ -99,8 +99,8 @@ fn names_point_at_the_slots_of_the_plan() {
                 .find(|output| output.name == port)
                 .unwrap();
             assert_eq!(
-                (output.slot, &output.type_name),
-                (point.slot, &names.type_name)
+                (output.slot, &*output.type_name),
+                (point.slot, names.type_name.as_str())
             );
         }
     }
@@ -147,7 +147,7 @@ discard: [ft.fx, ft.fy, ft.tx, ft.ty, ft.tz, known.out, pick.out]
         ("pick", "Real", "rad"),
         ("flag", "Bool", ""),
     ] {
-        assert_eq!(output(id), (ty.to_string(), unit.to_string()), "{id}");
+        assert_eq!(output(id), (ty.into(), unit.into()), "{id}");
     }
 }
 

@@ -100,7 +100,7 @@ fn every_outcome_is_an_input_that_can_be_watched() {
     let end = net.names.primitives.iter().find(|one| one.id == "end");
     let inputs = end.expect("it is there").inputs.iter();
     let inputs: Vec<(&str, Option<&str>)> = inputs
-        .map(|port| (port.name.as_str(), port.source.as_deref()))
+        .map(|port| (&*port.name, port.source.as_deref()))
         .collect();
     let wanted = [
         ("touched", Some("contact.out")),

@@ -16,10 +16,10 @@ fn run(primitives: &str, discard: &str) -> NetHarness {
 }
 
 /// Returns the inferred unit of an output.
-fn unit(harness: &NetHarness, id: &str) -> Option<String> {
+fn unit<'n>(harness: &'n NetHarness, id: &str) -> Option<&'n str> {
     let mut primitives = harness.net.names.primitives.iter();
     let primitive = primitives.find(|primitive| primitive.id == id)?;
-    primitive.outputs[0].unit.clone()
+    primitive.outputs[0].unit.as_deref()
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn units_propagate_through_roots_limits_and_transforms() {
         ("height", "m"),
         ("axis", "1"),
     ] {
-        assert_eq!(unit(&harness, id).as_deref(), Some(want), "{id}");
+        assert_eq!(unit(&harness, id), Some(want), "{id}");
     }
 }
 

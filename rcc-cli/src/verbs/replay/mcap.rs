@@ -385,8 +385,8 @@ fn written_net(
             let width = port.width as usize;
             columns.push(Column {
                 name,
-                type_name: port.type_name.clone(),
-                unit: port.unit.clone(),
+                type_name: port.type_name.to_string(),
+                unit: port.unit.as_deref().map(str::to_owned),
                 width,
                 never_null: primitive.never_null,
             });

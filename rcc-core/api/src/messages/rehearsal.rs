@@ -113,7 +113,7 @@ impl NameResolver<'_> {
             foreseen.time_s
         );
         let names = (self.names)(id);
-        let mut types = names.primitives.iter().map(|it| it.type_name.as_str());
+        let mut types = names.primitives.iter().map(|it| &it.type_name);
         let has_inverse = types.any(|name| name.starts_with("InverseKinematics"));
         (codes::FORESEEN, message, help(foreseen, has_inverse))
     }

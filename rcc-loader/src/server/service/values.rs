@@ -182,8 +182,8 @@ fn of_port(name: &str, port: &PortNames, element: Option<usize>) -> Option<Selec
     };
     let whole = SelectedPort {
         port: name.to_owned(),
-        ty: port.type_name.clone(),
-        unit: port.unit.clone(),
+        ty: port.type_name.to_string(),
+        unit: port.unit.as_deref().map(str::to_owned),
         point,
         whole: !matches!(kind, "Real" | "Bool" | "Int"),
     };
@@ -290,11 +290,11 @@ mod tests {
 
     fn port(name: &str, type_name: &str, store: Store, slot: u32, width: u32) -> PortNames {
         PortNames {
-            name: name.to_owned(),
+            name: name.to_owned().into(),
             store,
             slot,
             width,
-            type_name: type_name.to_owned(),
+            type_name: type_name.to_owned().into(),
             unit: None,
             source: None,
         }
@@ -303,7 +303,7 @@ mod tests {
     fn names() -> Names {
         let primitive = |id: &str, inputs, outputs| PrimitiveNames {
             id: id.to_owned(),
-            type_name: "Any".to_owned(),
+            type_name: "Any".into(),
             inputs,
             outputs,
             never_null: false,
