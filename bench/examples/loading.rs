@@ -4,21 +4,21 @@
 
 use std::error::Error;
 
-use rcc_bench::graph::{Graph, SIZES};
+use rcc_bench::graph::SIZES;
 use rcc_bench::instance::cell;
-use rcc_bench::net::net;
+use rcc_bench::notations::NOTATIONS;
 use rcc_directionet::NOTATION;
 use rcc_engine::net::Net;
 use rcc_language::check::check;
 use rcc_language::devices::DeviceTable;
 use rcc_language::expand::expand;
+use rcc_language::formula;
 use rcc_language::infer::{Typed, infer};
 use rcc_language::lower::{lower, prove};
 use rcc_language::names::names;
 use rcc_language::parse::parse;
 use rcc_language::resolve::resolve;
 use rcc_language::source_map::SourceMap;
-use rcc_language::{formula, write};
 use rcc_testing::work::processor_time;
 
 const STAGES: [&str; 9] = [
@@ -87,33 +87,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
     Ok(())
-}
-
-type TextOf = fn(usize) -> Result<String, Box<dyn Error>>;
-const NOTATIONS: [(&str, TextOf); 3] = [("json", json), ("yaml", yaml), ("directionet", foreign)];
-
-fn json(size: usize) -> Result<String, Box<dyn Error>> {
-    Ok(net(&Graph::load("full", size)?).text)
-}
-
-fn yaml(size: usize) -> Result<String, Box<dyn Error>> {
-    let net = parse(&json(size)?, "graph.json", &cell(), &[], &mut Vec::new());
-    Ok(write::yaml(&net.ok_or("no net")?))
-}
-
-/// A net of the predecessor: sums of two sums before them, of which a comparison ends the net.
-fn foreign(size: usize) -> Result<String, Box<dyn Error>> {
-    let sums = (2..size.max(4) - 2).map(|number| {
-        let (a, b) = (number - 1, number / 2);
-        format!("n{number}=Core::DoubleAdd(inFirst=n{a}.outValue,inSecond=n{b}.outValue)")
-    });
-    let sums: Vec<String> = sums.collect();
-    let last = size.max(4) - 3;
-    Ok(format!(
-        "{{n0=Core::DoubleValue(Value='1.5'),n1=Core::DoubleValue(Value='0.25'),{},\
-         far=Core::DoubleGreater(inFirst=n{last}.outValue,inSecond=n0.outValue),outTerminate=far.outValue}}",
-        sums.join(",")
-    ))
 }
 
 /// Measures a net, prints its row, and returns the time of a primitive, µs.

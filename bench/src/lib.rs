@@ -14,4 +14,5 @@ pub mod instance;
 pub mod measure;
 pub mod motion;
 pub mod net;
+pub mod notations;
 pub mod straight;
