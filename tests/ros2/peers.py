@@ -118,12 +118,20 @@ class RunningCell:
     def states(self):
         return {row["net"]: row["state"] for row in json.loads(self.cli("state", "--output", "json"))}
 
+    def status(self):
+        """Empty while there is no executor."""
+        return json.loads(self.cli("status", "--output", "json", check=False) or "{}")
+
+    def executor(self):
+        rows = self.status().get("processes", [])
+        return next((row["pid"] for row in rows if row["role"] == "executor" and row["alive"]), None)
+
     def lateness(self, seconds):
         """Late cycles and wake-ups (µs) of the executor in the next seconds."""
         self.cli("status", "--acknowledge")
         end = time.monotonic() + seconds
         yield lambda: time.monotonic() < end
-        status = json.loads(self.cli("status", "--output", "json"))["executor"]
+        status = self.status()["executor"]
         wake = get(self.folder / "run" / CELL / "loader.sock", "/timing")["wake"]
         late = status["late"] - status["late_acknowledged"]
         row = [round(wake[key] / 1000) for key in ("p50_ns", "p99_ns", "p999_ns", "max_ns")]
@@ -287,6 +295,15 @@ def inputs_are_parameters(peer, cell):
     until("the parameter to go", lambda: get("give_2.speed").type == 0)
 
 
+def a_restarted_executor_is_followed(peer, cell):
+    dead = cell.executor()
+    os.kill(dead, signal.SIGKILL)
+    until("another executor", lambda: cell.executor() not in (None, dead))
+    stamp = peer.node.get_clock().now().to_msg().sec
+    peer.next(JointState, "/joint_states", 10, lambda state: state.header.stamp.sec > stamp)
+    until("the arm to be ready", lambda: "ready" in cell.cli("devices", check=False))
+
+
 def a_trajectory_moves_the_arm(peer, cell, client):
     target = [REST[0] + 0.3, *REST[1:]]
     client.feedback()
@@ -371,6 +388,23 @@ def a_new_goal_replaces_the_running_one(peer, cell, client):
     status, code, words = client.result(second)
     assert (status, code) == (SUCCEEDED, 0), (status, code, words)
     assert_at(peer, here)
+    # Nothing is left of what has ended.
+    assert not [net for net in cell.states() if net.startswith("ros2-goal")], cell.states()
+
+
+def a_goal_that_continues_takes_over_without_a_gap(peer, cell, client):
+    # The first one dwells, so that the second begins where it is.
+    here = position(peer)
+    there = [here[0] + 0.1, *here[1:]]
+    first, accepted = client.send(goal(JOINTS, (0.0, here), (20.0, [here[0] + 1e-4, *here[1:]])))
+    assert accepted, client.result(first)
+    second, accepted = client.send(goal(JOINTS, (0.0, here), (2.0, there)))
+    assert accepted, client.result(second)
+    assert client.result(first)[0] == CANCELED
+    status, code, words = client.result(second)
+    assert (status, code) == (SUCCEEDED, 0), (status, code, words)
+    stopped = [line for line in cell.cli("events").splitlines() if "ros2-goal" in line][-4:]
+    print("   " + "\n   ".join(stopped))
 
 
 def a_killed_gateway_moves_nothing(peer, cell, client, gateway):
@@ -382,11 +416,11 @@ def a_killed_gateway_moves_nothing(peer, cell, client, gateway):
     gateway.kill()
     gateway.wait()
     until("the net to end", lambda: "terminated" in [s for n, s in cell.states().items() if n.startswith("ros2-goal")])
-    rest = position(peer)
-    assert rest[0] < there[0] - 0.1, rest
     # A new life starts nothing.
     successor = cell.gateway("--control", "--rmw=cyclonedds")
     try:
+        rest = position(peer)
+        assert here[0] + 0.05 < rest[0] < there[0] - 0.1, rest
         again = TrajectoryClient(DOMAIN, "arm")
         again.await_server()
         assert_at(peer, rest)
@@ -425,6 +459,7 @@ def main():
                 topics_of_nets_are_received,
                 nets_are_started_and_cancelled,
                 inputs_are_parameters,
+                a_restarted_executor_is_followed,
             ):
                 print(check.__name__.replace("_", " "), flush=True)
                 check(peer, cell)
@@ -438,6 +473,7 @@ def main():
                 a_goal_is_refused_with_words,
                 cancel_stops_on_the_path,
                 a_new_goal_replaces_the_running_one,
+                a_goal_that_continues_takes_over_without_a_gap,
             ):
                 print(check.__name__.replace("_", " "), flush=True)
                 check(peer, cell, client)

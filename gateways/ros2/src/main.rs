@@ -41,7 +41,7 @@ struct Arguments {
     /// Let every node of the domain start nets, set their Inputs and send trajectories; CANCEL of nets is always offered
     #[arg(long)]
     control: bool,
-    /// Rate of joint states, frames and wrenches, and greatest rate of topics of nets, Hz
+    /// Greatest rate of the messages about an arm, and of each topic of a net, Hz
     #[arg(long, default_value = "100", value_parser = rate)]
     rate: f64,
     /// End with the process that started this one
