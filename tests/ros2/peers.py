@@ -83,6 +83,12 @@ def until(what, ask, limit_s=60.0):
         assert time.monotonic() < end, f"not within {limit_s:.0f} s: {what}"
 
 
+def computed(pid):
+    """Time that a process has computed, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def get(path, address):
     """GET from a loader."""
     with socket.socket(socket.AF_UNIX) as stream:
@@ -266,22 +272,47 @@ def nets_are_started_and_cancelled(peer, cell):
     cell.cli("unload", "give-2")
 
 
+class Parameters:
+    """The parameters of a gateway."""
+
+    def __init__(self, peer, node):
+        self.peer = peer
+        self.client = AsyncParameterClient(peer.node, node)
+        peer.spin_until("parameter services", self.client.services_are_ready)
+
+    def get(self, name):
+        return self.peer.done(self.client.get_parameters([name]), "get_parameters").values[0]
+
+    def set(self, name, value):
+        parameter = Parameter(name, value=value)
+        return self.peer.done(self.client.set_parameters([parameter]), "set_parameters").results[0]
+
+
+def without_control_nothing_is_started(peer, cell):
+    gateway = cell.gateway("--node=viewer", "--localhost-only")
+    cell.load(GIVE)
+    cell.cli("start", "give-2")
+    parameters = Parameters(peer, "/viewer")
+    until("the parameter", lambda: parameters.get("give_2.speed").double_value == 0.25)
+    refused = parameters.set("give_2.speed", 0.5)
+    assert not refused.successful and "--control" in refused.reason, refused
+    assert parameters.get("give_2.speed").double_value == 0.25
+    # CANCEL is always offered, and nothing else.
+    assert peer.call("/viewer/give_2/cancel").success
+    names = [name for name, _ in peer.node.get_service_names_and_types_by_node("viewer", "/")]
+    offered = [name for name in names if name.startswith("/viewer/give_2") or "follow_joint" in name]
+    assert offered == ["/viewer/give_2/cancel"], names
+    cell.cli("unload", "give-2")
+    ends(gateway)
+
+
 def inputs_are_parameters(peer, cell):
     cell.load(GIVE)
     cell.cli("start", "give-2")
-    client = AsyncParameterClient(peer.node, "/ros2")
-    peer.spin_until("parameter services", client.services_are_ready)
-
-    def get(name):
-        return peer.done(client.get_parameters([name]), "get_parameters").values[0]
-
+    parameters = Parameters(peer, "/ros2")
+    get, set_one = parameters.get, parameters.set
     until("the parameter", lambda: get("give_2.speed").double_value == 0.25)
     assert get("give_2.open").bool_value is True
-
-    def set_one(name, value):
-        parameter = Parameter(name, value=value)
-        return peer.done(client.set_parameters([parameter]), "set_parameters").results[0]
-
     refused = set_one("give_2.speed", 2.0)
     assert not refused.successful and "RCC" in refused.reason, refused
     done = set_one("give_2.speed", 0.75)
@@ -438,11 +469,13 @@ def discovery_beside_the_cycle(cell, seconds):
     print(f"   without nodes: {next(quiet)}", flush=True)
     gateway = cell.gateway("--control")
     busy = cell.lateness(seconds)
-    lasts, nodes = next(busy), 0
+    lasts, nodes, used, begun = next(busy), 0, computed(gateway.pid), time.monotonic()
     while lasts():
         subprocess.run([sys.executable, "-c", NODE], check=True, timeout=60)
         nodes += 1
     print(f"   with the gateway and {nodes} nodes that came and went: {next(busy)}", flush=True)
+    share = (computed(gateway.pid) - used) / (time.monotonic() - begun)
+    print(f"   the gateway computed {100 * share:.1f} % of the time of a core", flush=True)
     ends(gateway)
 
 
@@ -459,6 +492,7 @@ def main():
                 topics_of_nets_are_received,
                 nets_are_started_and_cancelled,
                 inputs_are_parameters,
+                without_control_nothing_is_started,
                 a_restarted_executor_is_followed,
             ):
                 print(check.__name__.replace("_", " "), flush=True)

@@ -32,7 +32,7 @@ struct Arguments {
     /// DDS domain
     #[arg(long, env = "ROS_DOMAIN_ID", default_value = "0", value_parser = clap::value_parser!(u16).range(0..=232))]
     domain: u16,
-    /// Speak over the loopback interface only
+    /// Announce the node on the loopback interface only; no protection, since its ports are open on all interfaces
     #[arg(long)]
     localhost_only: bool,
     /// DDS implementation of the peers (their RMW_IMPLEMENTATION): it decides how services are carried

@@ -114,8 +114,8 @@ impl GoalStarter {
 
     /// Hands the arm over if the new motion continues the old one; else the old one stops first.
     fn replace(&self, cell: &Cell, old: u64, net: &GoalNet) -> Result<u64, Refusal> {
-        let new = cell.load(&net.text).map_err(refused)?;
         let running = cell.command(&old.to_string()).map_err(refused)?;
+        let new = cell.load(&net.text).map_err(refused)?;
         let handed_over = cell.switch_with(&[&running], &[&new], OnClientLoss::Cancel);
         let started = match handed_over {
             Ok(_) => return Ok(new.id()),

@@ -26,6 +26,9 @@ use crate::trajectory::messages::{Feedback, Goal, Header, JointPoint, Outcome, S
 use crate::trajectory::motion::Refusal;
 use crate::trajectory::starter::{GoalStarter, StartedGoal};
 
+/// Requests for results that wait; beyond it the oldest is dropped.
+const ASKED_MAX: usize = 256;
+
 /// A goal that is to be started.
 pub(super) struct WantedGoal {
     request: RmwRequestId,
@@ -136,6 +139,9 @@ impl ArmAction {
             }
         }
         while let Some((request, asked)) = taken(self.server.receive_result_request()) {
+            if self.asked.len() >= ASKED_MAX {
+                self.asked.remove(0);
+            }
             self.asked.push((request, asked.goal_id));
         }
         self.answer_results();
