@@ -73,6 +73,18 @@ primitives:
 """
 
 
+def hold(joints):
+    """A net that holds the arm."""
+    goal = ", ".join(f"{joint!r}" for joint in joints)
+    return f"""net: hold
+primitives:
+  cancel: {{type: Cancel}}
+  move:   {{type: JointGoal, parameters: {{device: arm}}, inputs: {{goal: [{goal}], stop: cancel.requested}}}}
+  robot:  {{type: JointPositionCommand, parameters: {{device: arm}}, inputs: {{position: move.position}}}}
+  end:    {{type: Termination, inputs: {{done: "= cancel.requested and move.done"}}}}
+"""
+
+
 def until(what, ask, limit_s=60.0):
     """Asks until there is an answer; each attempt is a request or waits for a message."""
     end = time.monotonic() + limit_s
@@ -128,9 +140,9 @@ class RunningCell:
         """Empty while there is no executor."""
         return json.loads(self.cli("status", "--output", "json", check=False) or "{}")
 
-    def executor(self):
+    def pid(self, role):
         rows = self.status().get("processes", [])
-        return next((row["pid"] for row in rows if row["role"] == "executor" and row["alive"]), None)
+        return next((row["pid"] for row in rows if row["role"] == role and row["alive"]), None)
 
     def lateness(self, seconds):
         """Late cycles and wake-ups (µs) of the executor in the next seconds."""
@@ -327,9 +339,9 @@ def inputs_are_parameters(peer, cell):
 
 
 def a_restarted_executor_is_followed(peer, cell):
-    dead = cell.executor()
+    dead = cell.pid("executor")
     os.kill(dead, signal.SIGKILL)
-    until("another executor", lambda: cell.executor() not in (None, dead))
+    until("another executor", lambda: cell.pid("executor") not in (None, dead))
     stamp = peer.node.get_clock().now().to_msg().sec
     peer.next(JointState, "/joint_states", 10, lambda state: state.header.stamp.sec > stamp)
     until("the arm to be ready", lambda: "ready" in cell.cli("devices", check=False))
@@ -438,6 +450,36 @@ def a_goal_that_continues_takes_over_without_a_gap(peer, cell, client):
     print("   " + "\n   ".join(stopped))
 
 
+def what_the_cell_does_ends_the_goal(peer, cell, client):
+    here = position(peer)
+    there = [here[0] - 0.4, *here[1:]]
+    # Somebody cancels the net.
+    goal_id, accepted = client.send(goal(JOINTS, (0.0, here), (6.0, there)))
+    assert accepted, client.result(goal_id)
+    peer.next(JointState, "/joint_states", 10, lambda state: state.position[0] < here[0] - 0.02)
+    cell.cli("cancel", "ros2-goal-arm", "--wait", check=False)
+    status, code, words = client.result(goal_id)
+    assert (status, code) == (ABORTED, -4) and "cancelled at the cell" in words, (status, code, words)
+    # While a net of the cell holds the arm, a goal does not get it.
+    here = position(peer)
+    cell.load(hold(here))
+    cell.cli("start", "hold")
+    goal_id, accepted = client.send(goal(JOINTS, (0.0, here), (3.0, there)))
+    assert not accepted
+    words = client.result(goal_id)[2]
+    assert "hold" in words and "RCC3004" in words, words
+    cell.cli("cancel", "hold", "--wait", check=False)
+    cell.cli("unload", "hold")
+    # The loader dies: the executor moves the arm. If it is not back in time, the lease is lost, and the net is cancelled.
+    goal_id, accepted = client.send(goal(JOINTS, (0.0, here), (4.0, there)))
+    assert accepted, client.result(goal_id)
+    peer.next(JointState, "/joint_states", 10, lambda state: state.position[0] < here[0] - 0.02)
+    os.kill(cell.pid("loader"), signal.SIGKILL)
+    status, code, words = client.result(goal_id)
+    print(f"   the loader was killed: status {status} {words}")
+    assert (status, code) in ((SUCCEEDED, 0), (ABORTED, -4)), (status, code, words)
+
+
 def a_killed_gateway_moves_nothing(peer, cell, client, gateway):
     here = position(peer)
     there = [here[0] + 0.9, *here[1:]]
@@ -508,6 +550,7 @@ def main():
                 cancel_stops_on_the_path,
                 a_new_goal_replaces_the_running_one,
                 a_goal_that_continues_takes_over_without_a_gap,
+                what_the_cell_does_ends_the_goal,
             ):
                 print(check.__name__.replace("_", " "), flush=True)
                 check(peer, cell, client)
