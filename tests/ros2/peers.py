@@ -478,6 +478,21 @@ def what_the_cell_does_ends_the_goal(peer, cell, client):
     status, code, words = client.result(goal_id)
     print(f"   the loader was killed: status {status} {words}")
     assert (status, code) in ((SUCCEEDED, 0), (ABORTED, -4)), (status, code, words)
+    # The executor dies: its net is gone, the driver brings the arm to rest, and the next executor starts nothing.
+    here = position(peer)
+    there = [here[0] + 0.5, *here[1:]]
+    goal_id, accepted = client.send(goal(JOINTS, (0.0, here), (6.0, there)))
+    assert accepted, client.result(goal_id)
+    peer.next(JointState, "/joint_states", 10, lambda state: state.position[0] > here[0] + 0.02)
+    dead = cell.pid("executor")
+    os.kill(dead, signal.SIGKILL)
+    status, code, words = client.result(goal_id)
+    assert (status, code) == (ABORTED, -4) and words, (status, code, words)
+    until("another executor", lambda: cell.pid("executor") not in (None, dead))
+    until("the arm to be ready", lambda: "ready" in cell.cli("devices", check=False))
+    rest = position(peer)
+    assert here[0] < rest[0] < there[0] - 0.1, rest
+    assert not cell.states(), cell.states()
 
 
 def a_killed_gateway_moves_nothing(peer, cell, client, gateway):
