@@ -118,7 +118,7 @@ class RunningCell:
         self.gateways = gateways
         (folder / "cell.yaml").write_text(CONFIG)
         self.log = open(folder / "up.log", "w+")
-        command = [BIN / "rcc-cli", "--cell", CELL, "up", folder / "cell.yaml"]
+        command = [BIN / "rcc-cli", "--cell", CELL, "up", "--parent-death", folder / "cell.yaml"]
         self.up = subprocess.Popen(command, stdout=self.log, stderr=subprocess.STDOUT)
         until("the arm to be ready", lambda: "ready" in self.cli("devices", check=False))
 
@@ -156,7 +156,8 @@ class RunningCell:
         yield f"{wake['count']} cycles, {late} late, wake-up p50 {row[0]} p99 {row[1]} p99.9 {row[2]} max {row[3]} µs"
 
     def gateway(self, *arguments):
-        command = [self.gateways / "rcc-ros2", "--cell", CELL, f"--domain={DOMAIN}", *arguments]
+        # Nothing of it is left if a check fails.
+        command = [self.gateways / "rcc-ros2", "--cell", CELL, f"--domain={DOMAIN}", "--parent-death", *arguments]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         line = process.stdout.readline()
         assert line.startswith("node /"), line
