@@ -27,7 +27,7 @@ const RETRY_AFTER: Duration = Duration::from_secs(2);
 pub struct CellOptions {
     /// Name of the cell.
     pub cell: String,
-    /// Rate of the messages about arms, Hz.
+    /// Greatest rate of the messages about an arm, Hz.
     pub rate_hz: f64,
 }
 

@@ -32,7 +32,7 @@ struct Arguments {
     /// DDS domain
     #[arg(long, env = "ROS_DOMAIN_ID", default_value = "0", value_parser = clap::value_parser!(u16).range(0..=232))]
     domain: u16,
-    /// Speak over the loopback interface only
+    /// Announce the node on the loopback interface only; no protection, since its ports are open on all interfaces
     #[arg(long)]
     localhost_only: bool,
     /// DDS implementation of the peers (their RMW_IMPLEMENTATION): it decides how services are carried
@@ -41,7 +41,7 @@ struct Arguments {
     /// Let every node of the domain start nets, set their Inputs and send trajectories; CANCEL of nets is always offered
     #[arg(long)]
     control: bool,
-    /// Rate of joint states, frames and wrenches, and greatest rate of topics of nets, Hz
+    /// Greatest rate of the messages about an arm, and of each topic of a net, Hz
     #[arg(long, default_value = "100", value_parser = rate)]
     rate: f64,
     /// End with the process that started this one

@@ -22,7 +22,7 @@ pub struct NodePlace {
     pub name: String,
     /// DDS domain, 0 to 232.
     pub domain: u16,
-    /// Speaks over the loopback interface only.
+    /// Announces itself on the loopback interface only; its sockets are bound to all addresses nevertheless.
     pub localhost_only: bool,
     /// How services are carried; peers need the same.
     pub mapping: ServiceMapping,

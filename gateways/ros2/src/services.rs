@@ -22,6 +22,8 @@ use crate::node::RosNode;
 const WAKE: Token = Token(0);
 /// Events that are taken at once.
 const EVENTS_MAX: usize = 64;
+/// Nets that have services, since the gateway was started.
+const SERVICES_MAX: usize = 256;
 
 /// A request without fields: ROS sends one byte for it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -62,17 +64,14 @@ impl Operation {
     }
 }
 
-/// Changes of the servers of a thread.
-enum ServerChange {
-    Add(String, Box<TriggerServer>),
-    Remove(String),
-}
+/// A server for the thread.
+type NewServer = (String, Box<TriggerServer>);
 
 /// The services of one operation, as the thread sees them that looks at the nets.
 pub struct OperationServers {
     operation: Operation,
     offered: BTreeSet<String>,
-    changes: Sender<ServerChange>,
+    servers: Sender<NewServer>,
     waker: Arc<Waker>,
 }
 
@@ -88,7 +87,7 @@ impl OperationServers {
     ) -> io::Result<(OperationServers, Arc<Waker>)> {
         let poll = Poll::new()?;
         let waker = Arc::new(Waker::new(poll.registry(), WAKE)?);
-        let (changes, arriving) = channel();
+        let (servers, arriving) = channel();
         let thread = ServiceThread {
             operation,
             cell: cell.to_owned(),
@@ -103,48 +102,53 @@ impl OperationServers {
         let servers = OperationServers {
             operation,
             offered: BTreeSet::new(),
-            changes,
+            servers,
             waker: Arc::clone(&waker),
         };
         Ok((servers, waker))
     }
 
-    /// Offers the service for each net that is loaded, and ends those of nets that are gone.
+    /// Offers the service for each net that is loaded. It stays when the net is unloaded, and then says that there is none: a
+    /// client that has just found a service must not lose its request.
     pub fn offer(&mut self, node: &RosNode, commands: &[CommandView]) {
         let lives = |row: &&CommandView| {
             ["ready", "running", "canceling"].contains(&row.state.as_str())
                 && !row.net.starts_with(crate::names::GOAL_NETS)
         };
-        let nets = commands.iter().filter(lives);
-        let nets: BTreeSet<String> = nets.map(|row| row.net.clone()).collect();
-        let gone: Vec<String> = self.offered.difference(&nets).cloned().collect();
-        let new: Vec<String> = nets.difference(&self.offered).cloned().collect();
-        for net in gone {
-            self.offered.remove(&net);
-            self.tell(ServerChange::Remove(net));
-        }
-        for net in new {
-            let name = service(node.name(), &net, self.operation.name());
-            match node.server(&name, "std_srvs/Trigger") {
-                Ok(server) => self.tell(ServerChange::Add(net.clone(), Box::new(server))),
-                Err(error) => tracing::warn!(%error, "a service is not offered"),
+        for row in commands.iter().filter(lives) {
+            if self.offered.contains(&row.net) {
+                continue;
+            }
+            if self.offered.len() >= SERVICES_MAX {
+                let net = &row.net;
+                tracing::warn!(
+                    net,
+                    "it has no services: the maximum is {SERVICES_MAX} nets"
+                );
+            } else {
+                self.add(node, &row.net);
             }
             // One that cannot be offered is not tried five times a second.
-            self.offered.insert(net);
+            self.offered.insert(row.net.clone());
         }
     }
 
-    fn tell(&self, change: ServerChange) {
-        // The thread ends with the program only.
-        let told = self.changes.send(change).is_ok();
-        if let Err(error) = self.waker.wake().and(told.then_some(()).ok_or_else(ended)) {
-            tracing::warn!(%error, "the services of nets are not changed");
+    fn add(&self, node: &RosNode, net: &str) {
+        let name = service(node.name(), net, self.operation.name());
+        match node.server(&name, "std_srvs/Trigger") {
+            Ok(server) => {
+                // The thread ends with the program only.
+                let told = self
+                    .servers
+                    .send((net.to_owned(), Box::new(server)))
+                    .is_ok();
+                if !told || self.waker.wake().is_err() {
+                    tracing::error!(net, "a service is not served");
+                }
+            }
+            Err(error) => tracing::warn!(%error, "a service is not offered"),
         }
     }
-}
-
-fn ended() -> io::Error {
-    io::Error::other("the thread has ended")
 }
 
 struct ServiceThread {
@@ -152,7 +156,7 @@ struct ServiceThread {
     cell: String,
     ends: Arc<AtomicBool>,
     poll: Poll,
-    arriving: Receiver<ServerChange>,
+    arriving: Receiver<NewServer>,
     servers: BTreeMap<String, TriggerServer>,
     next_token: usize,
     /// The connection whose lease what was started is bound to.
@@ -170,7 +174,7 @@ impl ServiceThread {
                 tracing::error!(%error, "services of nets are not served any more");
                 return;
             }
-            self.change();
+            self.take_new_servers();
             // Few servers: all are asked, whichever event came.
             let nets: Vec<String> = self.servers.keys().cloned().collect();
             for net in nets {
@@ -179,25 +183,15 @@ impl ServiceThread {
         }
     }
 
-    fn change(&mut self) {
-        while let Ok(change) = self.arriving.try_recv() {
+    fn take_new_servers(&mut self) {
+        while let Ok((net, mut server)) = self.arriving.try_recv() {
+            let token = Token(self.next_token);
+            self.next_token += 1;
             let registry = self.poll.registry();
-            let (net, result) = match change {
-                ServerChange::Remove(net) => match self.servers.remove(&net) {
-                    Some(mut server) => (net, registry.deregister(&mut server)),
-                    None => continue,
-                },
-                ServerChange::Add(net, mut server) => {
-                    let token = Token(self.next_token);
-                    self.next_token += 1;
-                    let result = registry.register(&mut *server, token, Interest::READABLE);
-                    self.servers.insert(net.clone(), *server);
-                    (net, result)
-                }
-            };
-            if let Err(error) = result {
+            if let Err(error) = registry.register(&mut *server, token, Interest::READABLE) {
                 tracing::warn!(net, %error, "a service cannot be awaited");
             }
+            self.servers.insert(net, *server);
         }
     }
 

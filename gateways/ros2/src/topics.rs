@@ -75,10 +75,11 @@ impl TopicType {
         true
     }
 
-    /// Writes an array: no dimensions, no offset, then the data. A null array is an empty one.
+    /// Writes an array: no dimensions, no offset, then the data. An array of `Real` that is null as a whole is an empty one.
     fn array(self, value: &Value, out: &mut CdrWriter) -> bool {
         let elements = value.as_array().map(Vec::as_slice).unwrap_or_default();
-        if self.kind != Kind::Reals && elements.iter().any(Value::is_null) {
+        let has_null = value.is_null() || elements.iter().any(Value::is_null);
+        if self.kind != Kind::Reals && has_null {
             return false;
         }
         out.length(0);
@@ -148,6 +149,9 @@ mod tests {
         assert_eq!(sent("Bool", &Value::Null), None);
         assert_eq!(sent("Int", &Value::Null), None);
         assert_eq!(sent("Int[2]", &json!([1, null])), None);
+        assert_eq!(sent("Bool[2]", &Value::Null), None);
+        let empty = sent("Real[2]", &Value::Null).expect("a message");
+        assert_eq!(empty.len(), 4 + 3 * 4);
         let infinite = sent("Real", &json!("-inf")).expect("a message");
         assert_eq!(reals(&infinite, 1), [f64::NEG_INFINITY]);
     }

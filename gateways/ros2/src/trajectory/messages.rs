@@ -16,13 +16,6 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// Returns a time in seconds; less than 0 becomes 0.
-    #[must_use]
-    pub fn of_seconds(seconds: f64) -> Stamp {
-        let ns = (seconds.max(0.0) * 1e9) as u64;
-        Stamp::of_ns(ns)
-    }
-
     fn of_ns(ns: u64) -> Stamp {
         Stamp {
             // ROS has 31 bits of seconds: until 2038.

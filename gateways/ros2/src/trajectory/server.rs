@@ -178,7 +178,7 @@ impl ServerThread {
             }
             while let Ok(news) = self.news.try_recv() {
                 if let Some(arm) = self.arms.get_mut(&news.device) {
-                    arm.started(news);
+                    arm.started(&self.client, news);
                 }
             }
             let is_due = Instant::now() >= next;

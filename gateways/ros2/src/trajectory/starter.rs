@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use rcc_client::{Cell, ClientError, OnClientLoss};
 use rcc_config::CellConfig;
+use rcc_recording::table::field_name;
 
 use crate::cell::ArmStates;
 use crate::names::GOAL_NETS;
@@ -80,10 +81,7 @@ impl GoalStarter {
     fn start_at(&self, cell: &Cell, goal: &Goal) -> Result<StartedGoal, Refusal> {
         let arm = self.arm(cell)?;
         let motion = GoalMotion::of(goal, &arm)?;
-        let name = format!(
-            "{GOAL_NETS}{}",
-            self.device.to_lowercase().replace('_', "-")
-        );
+        let name = format!("{GOAL_NETS}{}", field_name(&self.device).replace('_', "-"));
         // Without a first point at 0 s the path is known when the arm rests.
         let planned = match motion.begins_at_rest_position() {
             true => None,
@@ -114,8 +112,8 @@ impl GoalStarter {
 
     /// Hands the arm over if the new motion continues the old one; else the old one stops first.
     fn replace(&self, cell: &Cell, old: u64, net: &GoalNet) -> Result<u64, Refusal> {
-        let new = cell.load(&net.text).map_err(refused)?;
         let running = cell.command(&old.to_string()).map_err(refused)?;
+        let new = cell.load(&net.text).map_err(refused)?;
         let handed_over = cell.switch_with(&[&running], &[&new], OnClientLoss::Cancel);
         let started = match handed_over {
             Ok(_) => return Ok(new.id()),
@@ -127,6 +125,10 @@ impl GoalStarter {
             }
         };
         if started.is_err() {
+            // A request whose answer was lost may have been carried out: what is refused must not move the arm.
+            if self.runs(cell, new.id()).is_some() {
+                stop(cell, new.id())?;
+            }
             // The error that led here is the one to tell.
             let _ = new.unload();
         }

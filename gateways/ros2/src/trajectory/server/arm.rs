@@ -26,6 +26,9 @@ use crate::trajectory::messages::{Feedback, Goal, Header, JointPoint, Outcome, S
 use crate::trajectory::motion::Refusal;
 use crate::trajectory::starter::{GoalStarter, StartedGoal};
 
+/// Requests for results that wait; beyond it the oldest is dropped.
+const ASKED_MAX: usize = 256;
+
 /// A goal that is to be started.
 pub(super) struct WantedGoal {
     request: RmwRequestId,
@@ -136,13 +139,16 @@ impl ArmAction {
             }
         }
         while let Some((request, asked)) = taken(self.server.receive_result_request()) {
+            if self.asked.len() >= ASKED_MAX {
+                self.asked.remove(0);
+            }
             self.asked.push((request, asked.goal_id));
         }
         self.answer_results();
     }
 
     /// Takes what the thread has done that starts goals.
-    pub fn started(&mut self, news: GoalNews) {
+    pub fn started(&mut self, client: &LoaderClient, news: GoalNews) {
         self.starting = self.starting.saturating_sub(1);
         match news.result {
             Err(Refusal(outcome)) => {
@@ -152,6 +158,7 @@ impl ArmAction {
             Ok(started) => {
                 if let Some(replaced) = self.active.take() {
                     self.end(replaced.id, ending::replaced());
+                    unload(client, replaced.started.command);
                 }
                 self.goals.accept(news.id, Time::now());
                 self.answer_goal(news.request, news.id, None);
@@ -271,10 +278,7 @@ impl ArmAction {
         let id = active.id;
         self.active = None;
         self.end(id, ending);
-        let unloaded: Result<Done, _> = client.delete(&format!("/commands/{command}"));
-        if let Err(error) = unloaded {
-            tracing::debug!(%error, "a net is not unloaded");
-        }
+        unload(client, command);
         self.publish_states();
         self.answer_results();
     }
@@ -360,6 +364,13 @@ impl ArmAction {
 fn cancel_net(client: &LoaderClient, command: u64) -> Result<(), String> {
     let done: Result<Done, _> = client.post(&format!("/commands/{command}/cancel"), String::new());
     done.map(drop).map_err(|error| error.to_string())
+}
+
+fn unload(client: &LoaderClient, command: u64) {
+    let unloaded: Result<Done, _> = client.delete(&format!("/commands/{command}"));
+    if let Err(error) = unloaded {
+        tracing::debug!(%error, "a net is not unloaded");
+    }
 }
 
 /// Returns a request, if there is one; what is not understood is dropped, as there is nobody to answer.
