@@ -219,6 +219,23 @@ def check_drive(master, simulator):
     until("the reset", lambda: word(0x80) & 0x4F == 0x40)
 
 
+def check_clocks(master, simulator):
+    """Two drives, whose clocks deviate, agree, and have SYNC0."""
+    assert master.config_init() == 2
+    assert master.config_dc(), "no distributed clock"
+    for drive in master.slaves:
+        drive.dc_sync(True, 1_000_000)
+    to_op(master, 6)
+
+    def agree() -> bool:
+        assert exchange(master) == master.expected_wkc
+        clocks = [simulator.terminal(number)["clock"] for number in (1, 2)]
+        assert [clock["sync0_ns"] for clock in clocks] == [1_000_000] * 2, clocks
+        return master.dc_time > 0 and all(abs(clock["difference_ns"]) < 1000 for clock in clocks)
+
+    until("clocks that agree", agree)
+
+
 def main():
     for command in [
         "ip link add ecat0 type veth peer name ecat1",
@@ -256,7 +273,15 @@ def main():
         finally:
             master.close()
             simulator.end()
-    print(f"SOEM: 4 terminals in OP; 10000 exchanges, {mean_s * 1e6:.0f} µs each; a drive")
+        simulator = Simulator(sys.argv[1], "ecat1", Path(folder) / "clocks", "--terminals=CiA402,CiA402")
+        master = pysoem.Master()
+        master.open("ecat0")
+        try:
+            check_clocks(master, simulator)
+        finally:
+            master.close()
+            simulator.end()
+    print(f"SOEM: 4 terminals in OP; 10000 exchanges, {mean_s * 1e6:.0f} µs each; a drive; two clocks")
 
 
 main()

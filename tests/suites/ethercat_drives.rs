@@ -246,6 +246,48 @@ fn a_cable_pulled_in_motion_stops_the_drives_and_nothing_moves_when_it_is_back()
 }
 
 #[test]
+fn with_distributed_clocks_the_exchanges_follow_the_first_drive_and_the_cycles_the_exchanges() {
+    let cell = start(|text| {
+        let text = text
+            .replace("    delay: 80 ms", "    #")
+            .replace("type: CiA402}", "type: CiA402, sync0: true}")
+            .replace(
+                "      terminals:",
+                "      distributed_clocks: true\n      terminals:",
+            );
+        format!("{text}\nclock: {{device: table}}\n")
+    });
+    let mut line = cell.simulator("line-sim");
+    let watch = cell.watch();
+    await_some("a locked clock", || {
+        (watch.status().clock.state == ClockState::Locked as u32).then_some(())
+    });
+    let power = enable(&cell);
+    let id = cell.run(&to(0.2, 0.1, 0.3));
+    cell.assert_ends(id, "finished");
+    await_some("clocks that agree", || {
+        let state = line.state();
+        let clocks = [0, 1].map(|drive: usize| state["terminals"][drive]["clock"].clone());
+        for clock in &clocks {
+            assert_eq!(clock["sync0_ns"], 1_000_000, "{clock}");
+        }
+        let apart = |clock: &Value| clock["difference_ns"].as_i64().expect("ns").abs();
+        clocks
+            .iter()
+            .all(|clock| apart(clock) < 1_000)
+            .then_some(())
+    });
+    await_some("doctor to say that they agree", || {
+        let (words, _) = cell.cli_exits(0, &["doctor", "ethercat", "table"]);
+        words.contains("ns from the reference clock").then_some(())
+    });
+    cell.done(power, "cancel");
+    cell.assert_ends(power, "canceled");
+    drop(watch);
+    cell.stop();
+}
+
+#[test]
 fn the_cycles_follow_the_exchanges_of_the_line_if_the_clock_does() {
     let cell = start(|text| {
         let text = text.replace("    delay: 80 ms", "    #");

@@ -187,12 +187,14 @@ impl Ethercat {
             product: terminal.product,
             watchdog: Some(self.settings.watchdog),
             objects: self.objects(position, terminal),
+            sync0: terminal.sync0,
         });
         SessionOptions {
             interface: self.settings.interface.clone(),
             line: line.collect(),
             period: self.settings.period,
             timeout: self.settings.timeout,
+            clocks: self.settings.clocks,
         }
     }
 

@@ -29,6 +29,8 @@ const DATA_MAX: usize = PduStorage::element_size(1100);
 const START_STEP: Duration = Duration::from_millis(500);
 /// Limit of the answer to one frame of the start.
 const START_FRAME: Duration = Duration::from_millis(100);
+/// Frames by which the clocks find each other at the start; those of the exchanges follow.
+const CLOCK_FRAMES: u32 = 500;
 /// Limit of a change of state (ETG.1020 allows 10 s for the slowest).
 const STATE_CHANGE: Duration = Duration::from_secs(10);
 
@@ -45,6 +47,8 @@ pub struct ExpectedTerminal {
     pub watchdog: Option<Duration>,
     /// Objects that are written before the terminal exchanges inputs.
     pub objects: Vec<ObjectValue>,
+    /// Its SYNC0 is switched on, with the period of the exchanges; with [`SessionOptions::clocks`] only.
+    pub sync0: bool,
 }
 
 /// An object and its value.
@@ -84,6 +88,15 @@ pub struct SessionOptions {
     pub period: Duration,
     /// Limit of the answer to one exchange; shorter than the watchdogs of the terminals.
     pub timeout: Duration,
+    /// Distributed clocks: the exchanges follow the clock of the first terminal that has one.
+    pub clocks: Option<ClockOptions>,
+}
+
+/// How the exchanges follow the reference clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockOptions {
+    /// Time from SYNC0 to an exchange; shorter than the period.
+    pub shift: Duration,
 }
 
 /// Process data of one terminal.
@@ -178,6 +191,11 @@ pub trait Application {
         let _ = states;
     }
 
+    /// Takes the difference of a terminal's clock from the reference clock, ns; `position` from 0.
+    fn clock_difference(&mut self, position: usize, difference_ns: i64) {
+        let _ = (position, difference_ns);
+    }
+
     /// Takes the error counters of the terminal at `position`, from 0.
     fn port_errors(&mut self, position: usize, errors: PortErrors) {
         let _ = (position, errors);
@@ -244,6 +262,19 @@ pub enum SessionError {
         /// Name that is configured.
         want: String,
     },
+    /// No terminal has a clock.
+    #[error("no terminal of the line has a distributed clock: remove settings.distributed_clocks")]
+    NoClock,
+    /// A terminal has no SYNC0.
+    #[error(
+        "terminal {position} ({name}) has no distributed clock, and no SYNC0: remove its `sync0`"
+    )]
+    NoSync {
+        /// Position, from 1.
+        position: usize,
+        /// Its name.
+        name: String,
+    },
     /// The application cannot use the process data.
     #[error("{0}")]
     Image(String),
@@ -296,15 +327,15 @@ pub fn run(
         state_transition: STATE_CHANGE,
         ..Timeouts::default()
     };
-    // Distributed clocks are not used: no frames to synchronise them.
     let config = MainDeviceConfig {
-        dc_static_sync_iterations: 0,
+        // Without distributed clocks no frames to synchronise them.
+        dc_static_sync_iterations: options.clocks.map_or(0, |_| CLOCK_FRAMES),
         ..MainDeviceConfig::default()
     };
     let main = MainDevice::new(pdus, timeouts, config);
     async_io::block_on(async {
         let mut frames = pin!(frames);
         let failed = async { Err(network(frames.as_mut().await.to_string())) };
-        future::or(exchange::hold(&main, options, application), failed).await
+        future::or(exchange::run(&main, options, application), failed).await
     })
 }

@@ -3,6 +3,7 @@
 
 pub use crate::terminals as model;
 
+pub mod clock;
 pub mod control;
 pub mod drive;
 pub mod drive_objects;

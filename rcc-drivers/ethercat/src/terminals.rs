@@ -179,6 +179,12 @@ impl Model {
         )
     }
 
+    /// Returns true if it has a distributed clock.
+    #[must_use]
+    pub fn has_clock(&self) -> bool {
+        self.channels == Channels::Drive
+    }
+
     /// Returns the size of one channel in the process image, bits; 0 for a drive.
     #[must_use]
     pub fn channel_bits(&self) -> u16 {

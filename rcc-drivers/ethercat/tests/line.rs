@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use rcc_drivers::sim::line_server::ControlClient;
 use rcc_ethercat::session::{
-    Application, Cycle, ExpectedTerminal, FrameCounts, Loss, SessionError, SessionOptions,
-    TerminalImage,
+    Application, ClockOptions, Cycle, ExpectedTerminal, FrameCounts, Loss, SessionError,
+    SessionOptions, TerminalImage,
 };
 use rcc_ethercat::terminals::{MODELS, Model, VENDOR};
 use rcc_ethercat::wire::Interface;
@@ -74,12 +74,14 @@ fn options() -> SessionOptions {
         product: model.product,
         watchdog: None,
         objects: Vec::new(),
+        sync0: false,
     };
     SessionOptions {
         interface: Interface::Nic(NEAR.to_owned()),
         line: MODELS.iter().take(4).map(terminal).collect(),
         period: Duration::from_millis(1),
         timeout: Duration::from_millis(50),
+        clocks: None,
     }
 }
 
@@ -226,5 +228,22 @@ fn another_line_is_told_by_its_position() {
             matches!(result, Err(SessionError::Nic { .. })),
             "{result:?}"
         );
+    });
+}
+
+#[test]
+fn a_line_without_clocks_is_not_started_with_distributed_clocks() {
+    with_line("no-clocks", |_sim| {
+        let shift = Duration::from_micros(500);
+        let mut options = SessionOptions {
+            clocks: Some(ClockOptions { shift }),
+            ..options()
+        };
+        let result = run(&options, |_, _| ControlFlow::Break(()));
+        assert_eq!(result, Err(SessionError::NoClock));
+        options.line[1].sync0 = true;
+        let result = run(&options, |_, _| ControlFlow::Break(()));
+        let name = "EL2008".to_owned();
+        assert_eq!(result, Err(SessionError::NoSync { position: 2, name }));
     });
 }

@@ -17,6 +17,7 @@ pub const STAGES: &[LinkStage] = &[
     ("line", line),
     ("terminals", terminals),
     ("drives", drives),
+    ("clocks", clocks),
     ("exchange", exchange),
     ("errors", errors),
     ("quality", quality),
@@ -190,6 +191,41 @@ fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
     })
 }
 
+/// Largest difference of two clocks that SYNC0 does not show, ns.
+const CLOCKS_AGREE_NS: u64 = 1_000;
+
+/// The distributed clocks; none unless the driver uses them.
+fn clocks(facts: &LinkFacts) -> Option<HealthFinding> {
+    let link = facts.link();
+    let rows = link["terminals"].as_array()?;
+    if link["distributed_clocks"] != true || !facts.is_answered() {
+        return None;
+    }
+    let known = rows.iter().filter_map(|row| {
+        let difference = row["clock_difference_ns"].as_i64()?;
+        Some((difference.unsigned_abs(), row))
+    });
+    let count = known.clone().count();
+    let Some((largest, row)) = known.max_by_key(|(difference, _)| *difference) else {
+        return Some(HealthFinding::note(
+            "the clocks of the terminals have not been read yet: retry in two seconds",
+        ));
+    };
+    let all = Counted(count as u64, "clock");
+    if largest <= CLOCKS_AGREE_NS {
+        return Some(HealthFinding::ok(format!(
+            "{all}, at most {largest} ns from the reference clock"
+        )));
+    }
+    let what = format!(
+        "the clock of {} is {largest} ns from the reference clock",
+        title(row)
+    );
+    let fix = "right after the start the clocks still approach each other: retry in ten seconds. If it persists, a terminal in front \
+               of it has no fixed delay (a switch, a media converter), or exchanges are lost";
+    Some(HealthFinding::warn(what, fix))
+}
+
 fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     facts.driver_status.as_ref()?;
     let (complete, wrong) = (
@@ -312,6 +348,28 @@ mod tests {
         assert!(
             words.contains("900 exchanges during the check, all with the right working counter"),
             "{words}"
+        );
+    }
+
+    #[test]
+    fn the_clock_that_is_furthest_away_is_told() {
+        let mut link = link("OP", 0, Value::Null);
+        let words = |link: &Value| LinkReport::of(&facts(link.clone())).human();
+        assert!(!words(&link).contains("clock"));
+        link["distributed_clocks"] = json!(true);
+        assert!(words(&link).contains("have not been read yet"));
+        link["terminals"][0]["clock_difference_ns"] = json!(0);
+        link["terminals"][1]["clock_difference_ns"] = json!(-40);
+        let text = words(&link);
+        assert!(
+            text.contains("2 clocks, at most 40 ns from the reference clock"),
+            "{text}"
+        );
+        link["terminals"][1]["clock_difference_ns"] = json!(-4000);
+        let text = words(&link);
+        assert!(
+            text.contains("the clock of terminal 2 (lamps, EL2008) is 4000 ns"),
+            "{text}"
         );
     }
 

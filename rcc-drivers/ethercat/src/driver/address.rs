@@ -250,12 +250,14 @@ mod tests {
             vendor: 2,
             product: model.product,
             model: Some(model),
+            sync0: false,
         });
         let other = TerminalSettings {
             name: "other".to_owned(),
             vendor: 5,
             product: 6,
             model: None,
+            sync0: false,
         };
         known.chain([other]).collect()
     }

@@ -112,6 +112,8 @@ impl Subject for SimulatedLine {
         ("lost_after", "10001"),
         ("watchdog", "\"7 s\""),
         ("watchdog", "\"1 ms\""),
+        ("distributed_clocks", "{\"shift\": \"2 ms\"}"),
+        ("distributed_clocks", "{\"offset\": \"0.5 ms\"}"),
         ("terminals", "{}"),
         (
             "terminals",

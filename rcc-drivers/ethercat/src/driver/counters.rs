@@ -1,7 +1,7 @@
 //! What `rcc-cli doctor device` reads about the line. Written by the session's and the host's threads, read by any thread;
 //! the values are atomics that publish no other data, hence Relaxed.
 
-use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 use ethercrab::SubDeviceState;
@@ -15,6 +15,8 @@ use crate::session::{FrameCounts, Loss, PortErrors};
 
 /// State of a terminal that was never seen.
 const UNKNOWN: u8 = u8::MAX;
+/// Difference of a clock that was never read.
+const NO_CLOCK: i64 = i64::MIN;
 
 /// One terminal.
 #[derive(Debug)]
@@ -25,6 +27,8 @@ struct TerminalCounters {
     state: AtomicU8,
     /// Four counters of 8 bits each.
     errors: [AtomicU32; 4],
+    /// Difference of its clock from the reference clock, ns.
+    clock_ns: AtomicI64,
 }
 
 /// The drive of one axis.
@@ -40,6 +44,8 @@ struct DriveCounters {
 #[derive(Debug)]
 pub struct LineCounters {
     interface: String,
+    /// The exchanges follow a distributed clock.
+    clocks: bool,
     terminals: Vec<TerminalCounters>,
     drives: Vec<DriveCounters>,
     /// Frames of the socket.
@@ -67,6 +73,7 @@ impl LineCounters {
             kind: one.type_name(),
             state: AtomicU8::new(UNKNOWN),
             errors: Default::default(),
+            clock_ns: AtomicI64::new(NO_CLOCK),
         });
         let drives = settings.axes.iter().map(|axis| DriveCounters {
             joint: axis.joint.clone(),
@@ -76,6 +83,7 @@ impl LineCounters {
         LineCounters {
             drives: drives.collect(),
             interface: settings.interface.to_string(),
+            clocks: settings.clocks.is_some(),
             terminals: terminals.collect(),
             frames: FrameCounts::default(),
             sessions: AtomicU64::new(0),
@@ -154,8 +162,18 @@ impl LineCounters {
         }
     }
 
-    /// Counts a session that begins.
+    /// Stores the difference of a terminal's clock from the reference clock, ns.
+    pub fn clock_difference(&self, position: usize, difference_ns: i64) {
+        if let Some(terminal) = self.terminals.get(position) {
+            terminal.clock_ns.store(difference_ns, Relaxed);
+        }
+    }
+
+    /// Counts a session that begins; the clocks of before are not known any more.
     pub fn begin_session(&self) {
+        for terminal in &self.terminals {
+            terminal.clock_ns.store(NO_CLOCK, Relaxed);
+        }
         self.sessions.fetch_add(1, Relaxed);
     }
 
@@ -197,6 +215,7 @@ impl LinkDiagnosis for LineCounters {
                 "receive_errors": ports(receive),
                 "forwarded_errors": ports(forwarded),
                 "lost_links": ports(lost),
+                "clock_difference_ns": known(terminal.clock_ns.load(Relaxed)),
             })
         });
         let drives = self.drives.iter().map(|drive| {
@@ -211,6 +230,7 @@ impl LinkDiagnosis for LineCounters {
         json!({
             "drives": drives.collect::<Vec<_>>(),
             "interface": self.interface,
+            "distributed_clocks": self.clocks,
             "reason": self.reason.load(Relaxed),
             "fault": *fault,
             "sessions": self.sessions.load(Relaxed),
@@ -223,6 +243,11 @@ impl LinkDiagnosis for LineCounters {
             "terminals": terminals.collect::<Vec<_>>(),
         })
     }
+}
+
+/// Returns a difference of clocks; `None` if it was never read.
+fn known(difference_ns: i64) -> Option<i64> {
+    (difference_ns != NO_CLOCK).then_some(difference_ns)
 }
 
 /// Returns the name of a state by its number (ETG.1000.6, table 9).

@@ -243,6 +243,10 @@ impl Application for Exchanging {
         self.counters.states(states);
     }
 
+    fn clock_difference(&mut self, position: usize, difference_ns: i64) {
+        self.counters.clock_difference(position, difference_ns);
+    }
+
     fn port_errors(&mut self, position: usize, errors: PortErrors) {
         self.counters.port_errors(position, errors);
     }

@@ -102,6 +102,8 @@ pub fn of(error: &SessionError) -> u32 {
         SessionError::Count { .. }
         | SessionError::Terminal { .. }
         | SessionError::Object { .. }
+        | SessionError::NoClock
+        | SessionError::NoSync { .. }
         | SessionError::Image(_) => WRONG_LINE,
         SessionError::Start { .. } => START,
         SessionError::Left { .. } | SessionError::Restarted => LEFT,

@@ -4,11 +4,12 @@
 use std::time::Duration;
 
 use rcc_driver_kit::driver::{DriverError, Settings};
-use rcc_driver_kit::rcc_config::DeviceConfig;
+use rcc_driver_kit::rcc_config::{DeviceConfig, quantity};
+use rcc_driver_kit::rcc_core::unit::Unit;
 use serde_json::{Map, Value};
 
 use super::axis_settings::{self, AxisSettings};
-use crate::session::TERMINALS_MAX;
+use crate::session::{ClockOptions, TERMINALS_MAX};
 use crate::terminals::Model;
 use crate::wire::Interface;
 
@@ -34,6 +35,8 @@ pub struct TerminalSettings {
     pub product: u32,
     /// Its type, if the driver knows it.
     pub model: Option<&'static Model>,
+    /// Its SYNC0 is switched on.
+    pub sync0: bool,
 }
 
 impl TerminalSettings {
@@ -60,6 +63,8 @@ pub struct EthercatSettings {
     pub lost_after: u32,
     /// Time without outputs after which the terminals switch them off.
     pub watchdog: Duration,
+    /// Distributed clocks; `None`: the period is this machine's.
+    pub clocks: Option<ClockOptions>,
     /// The terminals in the order of the line.
     pub terminals: Vec<TerminalSettings>,
     /// The axes in the order of the joints; empty without a robot.
@@ -96,6 +101,7 @@ impl EthercatSettings {
             let found = value.as_object().filter(tables);
             found.filter(|all| !all.is_empty()).cloned()
         })?;
+        let clocks = clocks(&mut settings, period)?;
         settings.finish()?;
         let fault = |key: &str, cause: String, expected| DriverError::Setting {
             device: device.name.clone(),
@@ -133,6 +139,15 @@ impl EthercatSettings {
             return Err(fault("terminals", cause, expected));
         }
         let terminals: Vec<_> = placed.into_iter().map(|(_, terminal)| terminal).collect();
+        if let Some(terminal) = terminals.iter().find(|one| one.sync0 && clocks.is_none()) {
+            let key = format!("terminals.{}.sync0", terminal.name);
+            let cause = "the line has no distributed clocks".to_owned();
+            return Err(fault(
+                &key,
+                cause,
+                "`distributed_clocks: true` beside `terminals`",
+            ));
+        }
         let robot = |cause| DriverError::Robot {
             device: device.name.clone(),
             cause,
@@ -154,10 +169,31 @@ impl EthercatSettings {
             timeout,
             lost_after,
             watchdog,
+            clocks,
             terminals,
             axes,
         })
     }
+}
+
+/// Reads `distributed_clocks`: `true`, `false`, or the shift of the exchanges.
+fn clocks(
+    settings: &mut Settings<'_>,
+    period: Duration,
+) -> Result<Option<ClockOptions>, DriverError> {
+    let expected = "true, false, or {shift: 500 us}: the time from SYNC0 to an exchange, from a tenth to nine tenths of the period";
+    settings.read("distributed_clocks", expected, Some(None), |value| {
+        let shift = match value {
+            Value::Bool(on) => return Some(on.then_some(ClockOptions { shift: period / 2 })),
+            Value::Object(fields) if fields.len() == 1 => fields.get("shift")?.as_str()?,
+            _ => return None,
+        };
+        let shift = quantity::parse(shift).ok()?;
+        let seconds = (shift.unit == Some(Unit::SECOND)).then_some(shift.value)?;
+        let shift = Duration::try_from_secs_f64(seconds).ok()?;
+        let fits = 10 * shift >= period && 10 * shift <= 9 * period;
+        fits.then_some(Some(ClockOptions { shift }))
+    })
 }
 
 /// Reads one terminal and its position, from 1.
@@ -187,7 +223,7 @@ fn terminal(
     let Some(fields) = value.as_object() else {
         return Err(fault("", format!("invalid value {value}"), form));
     };
-    let keys = ["position", "type", "vendor", "product"];
+    let keys = ["position", "type", "vendor", "product", "sync0"];
     if let Some(key) = fields.keys().find(|key| !keys.contains(&key.as_str())) {
         return Err(fault(&format!(".{key}"), "unknown key".to_owned(), form));
     }
@@ -232,12 +268,31 @@ fn terminal(
             return Err(fault("", cause, form));
         }
     };
+    let sync0 = match fields.get("sync0").map_or(Some(false), Value::as_bool) {
+        Some(true) if model.is_some_and(|model| !model.has_clock()) => {
+            let cause = "this type has no distributed clock".to_owned();
+            return Err(fault(
+                ".sync0",
+                cause,
+                "a terminal with a distributed clock",
+            ));
+        }
+        Some(on) => on,
+        None => {
+            let cause = format!(
+                "invalid value {}",
+                fields.get("sync0").unwrap_or(&Value::Null)
+            );
+            return Err(fault(".sync0", cause, "true or false"));
+        }
+    };
     let name = name.to_owned();
     let terminal = TerminalSettings {
         name,
         vendor,
         product,
         model,
+        sync0,
     };
     Ok((position, terminal))
 }
@@ -331,5 +386,39 @@ mod tests {
             );
             assert!(error.contains(words), "{error}");
         }
+    }
+
+    #[test]
+    fn distributed_clocks_have_a_shift_within_the_period() {
+        let read = |clocks: Value, sync0: Value| {
+            let terminals = json!({"x": {"position": 1, "type": "CiA402", "sync0": sync0}});
+            let settings =
+                json!({"interface": "eth1", "terminals": terminals, "distributed_clocks": clocks});
+            let device = rcc_driver_kit::conformance::device("ethercat", settings, &[]);
+            let read = EthercatSettings::new(&device).map_err(|error| error.to_string())?;
+            Ok::<_, String>(read.clocks.map(|clocks| clocks.shift))
+        };
+        let half = Duration::from_micros(500);
+        assert_eq!(read(json!(true), json!(true)), Ok(Some(half)));
+        assert_eq!(read(json!(false), json!(false)), Ok(None));
+        let shift = |text: &str| json!({ "shift": text });
+        assert_eq!(
+            read(shift("250 us"), json!(true)),
+            Ok(Some(Duration::from_micros(250)))
+        );
+        for wrong in [shift("0 us"), shift("1 ms"), shift("2 m"), json!("on")] {
+            let error = read(wrong, json!(true)).unwrap_err();
+            assert!(error.contains("distributed_clocks: "), "{error}");
+        }
+        let error = read(json!(false), json!(true)).unwrap_err();
+        assert!(
+            error.contains("terminals.x.sync0: the line has no"),
+            "{error}"
+        );
+        let error = read(json!(true), json!(1)).unwrap_err();
+        assert!(
+            error.contains("terminals.x.sync0: invalid value 1"),
+            "{error}"
+        );
     }
 }

@@ -5,13 +5,14 @@ use std::time::{Duration, Instant};
 
 use async_io::Timer;
 use ethercrab::error::Error;
-use ethercrab::subdevice_group::{HasPdi, Op, SafeOp};
-use ethercrab::{AlStatusCode, Command, MainDevice, RegisterAddress, SubDeviceState};
+use ethercrab::subdevice_group::{CycleInfo, HasDc, HasPdi, NoDc, Op, SafeOp};
+use ethercrab::{AlStatusCode, Command, MainDevice, RegisterAddress, SubDeviceState, TxRxResponse};
 use futures_lite::future;
 
-use super::start::{self, Group};
+use super::start::{self, Group, StartedLine};
 use super::{
-    Application, Cycle, Loss, PortErrors, STATE_CHANGE, SessionError, SessionOptions, TerminalImage,
+    Application, Cycle, Loss, PortErrors, STATE_CHANGE, SessionError, SessionOptions,
+    TERMINALS_MAX, TerminalImage,
 };
 
 /// Longest time until an application that must end is noticed while the line starts.
@@ -23,8 +24,44 @@ const POWER_LOST: Duration = Duration::from_millis(300);
 /// Time between two readings of error counters, of one terminal after the other.
 const ERRORS_EVERY: Duration = Duration::from_millis(250);
 
+/// A line whose process data are exchanged, with distributed clocks or without.
+trait ExchangingGroup {
+    /// What an answer has besides working counter and states.
+    type Extra;
+
+    /// Exchanges once; with distributed clocks also returns the time from now until the next exchange.
+    async fn send<'s>(
+        &self,
+        main: &'s MainDevice<'s>,
+    ) -> Result<(TxRxResponse<TERMINALS_MAX, Self::Extra>, Option<Duration>), Error>;
+}
+
+impl<S: HasPdi> ExchangingGroup for Group<S, NoDc> {
+    type Extra = ();
+
+    async fn send<'s>(
+        &self,
+        main: &'s MainDevice<'s>,
+    ) -> Result<(TxRxResponse<TERMINALS_MAX>, Option<Duration>), Error> {
+        Ok((self.tx_rx(main).await?, None))
+    }
+}
+
+impl<S: HasPdi> ExchangingGroup for Group<S, HasDc> {
+    type Extra = CycleInfo;
+
+    async fn send<'s>(
+        &self,
+        main: &'s MainDevice<'s>,
+    ) -> Result<(TxRxResponse<TERMINALS_MAX, CycleInfo>, Option<Duration>), Error> {
+        let answer = self.tx_rx_dc(main).await?;
+        let wait = answer.extra.next_cycle_wait;
+        Ok((answer, Some(wait)))
+    }
+}
+
 /// Starts the line and exchanges.
-pub(super) async fn hold(
+pub(super) async fn run(
     main: &MainDevice<'_>,
     options: &SessionOptions,
     application: &mut impl Application,
@@ -36,10 +73,26 @@ pub(super) async fn hold(
         None
     };
     let started = async { Some(start::start(main, options).await) };
-    let Some(group) = future::or(started, ended).await else {
+    let Some(line) = future::or(started, ended).await else {
         return Ok(());
     };
-    let group = group?;
+    match line? {
+        StartedLine::Free(group) => hold(main, options, application, group).await,
+        StartedLine::Clocked(group) => hold(main, options, application, group).await,
+    }
+}
+
+/// Exchanges with a line in SAFEOP.
+async fn hold<Clocks>(
+    main: &MainDevice<'_>,
+    options: &SessionOptions,
+    application: &mut impl Application,
+    group: Group<SafeOp, Clocks>,
+) -> Result<(), SessionError>
+where
+    Group<SafeOp, Clocks>: ExchangingGroup,
+    Group<Op, Clocks>: ExchangingGroup,
+{
     let mut image: Vec<TerminalImage> = group
         .iter(main)
         .map(|terminal| TerminalImage {
@@ -56,6 +109,7 @@ pub(super) async fn hold(
         application,
         image,
         next: Instant::now(),
+        clocked: None,
         complete_at: Instant::now(),
         unanswered: false,
     };
@@ -83,6 +137,8 @@ struct Session<'a, A> {
     image: Vec<TerminalImage>,
     /// Start of the next period.
     next: Instant,
+    /// The same by the reference clock, after an exchange that has told its time.
+    clocked: Option<Instant>,
     /// Time of the last complete exchange, or of the last question whether all terminals are there.
     complete_at: Instant,
     /// A terminal gave no state in the last answer.
@@ -91,7 +147,13 @@ struct Session<'a, A> {
 
 impl<A: Application> Session<'_, A> {
     /// Exchanges inputs until the application drives outputs, then requests OP. Returns `None` if the application ends.
-    async fn observe(&mut self, group: Group<SafeOp>) -> Result<Option<Group<Op>>, SessionError> {
+    async fn observe<Clocks>(
+        &mut self,
+        group: Group<SafeOp, Clocks>,
+    ) -> Result<Option<Group<Op, Clocks>>, SessionError>
+    where
+        Group<SafeOp, Clocks>: ExchangingGroup,
+    {
         while !self.application.drives_outputs() {
             let cycle = self.exchange(&group, SubDeviceState::SafeOp, true).await?;
             let cycle = match cycle {
@@ -110,7 +172,10 @@ impl<A: Application> Session<'_, A> {
     }
 
     /// Exchanges until the application ends.
-    async fn drive(&mut self, group: &Group<Op>) -> Result<(), SessionError> {
+    async fn drive<Clocks>(&mut self, group: &Group<Op, Clocks>) -> Result<(), SessionError>
+    where
+        Group<Op, Clocks>: ExchangingGroup,
+    {
         let started = Instant::now();
         let mut running = false;
         let mut errors = (0..self.image.len()).cycle();
@@ -132,6 +197,7 @@ impl<A: Application> Session<'_, A> {
                 errors_at = Instant::now() + ERRORS_EVERY;
                 if let Some(position) = errors.next() {
                     self.read_errors(group, position).await;
+                    self.read_clock(group, position).await;
                 }
             }
             self.wait().await;
@@ -156,28 +222,35 @@ impl<A: Application> Session<'_, A> {
         }
     }
 
-    /// Waits for the next period; late ones are left out.
+    /// Waits for the next period; late ones are left out. Without an answer the reference clock is unknown: the period is this
+    /// machine's then.
     async fn wait(&mut self) {
-        self.next = following(self.next, Instant::now(), self.options.period);
+        let own = || following(self.next, Instant::now(), self.options.period);
+        self.next = self.clocked.take().unwrap_or_else(own);
         Timer::at(self.next).await;
     }
 
     /// Exchanges once and judges the answer; the inputs of an incomplete exchange are not taken. A terminal that has left
     /// `state` ends the session if all have been in it before (`running`).
-    async fn exchange<S: HasPdi>(
+    async fn exchange<S: HasPdi, Clocks>(
         &mut self,
-        group: &Group<S>,
+        group: &Group<S, Clocks>,
         state: SubDeviceState,
         running: bool,
-    ) -> Result<Cycle, SessionError> {
+    ) -> Result<Cycle, SessionError>
+    where
+        Group<S, Clocks>: ExchangingGroup,
+    {
         for (terminal, image) in group.iter(self.main).zip(&self.image) {
             terminal.outputs_raw_mut().copy_from_slice(&image.outputs);
         }
-        let answer = async { group.tx_rx(self.main).await.ok() };
-        let Some(answer) = future::or(answer, after(self.options.timeout)).await else {
+        let sent = Instant::now();
+        let answer = async { group.send(self.main).await.ok() };
+        let Some((answer, wait)) = future::or(answer, after(self.options.timeout)).await else {
             self.unanswered = true;
             return Ok(Cycle::Lost(Loss::Silent));
         };
+        self.clocked = wait.map(|wait| sent + wait);
         self.application.states(&answer.subdevice_states);
         self.unanswered = answer.subdevice_states.contains(&SubDeviceState::None);
         let (have, want) = (answer.working_counter, expected_counter(&self.image));
@@ -203,9 +276,9 @@ impl<A: Application> Session<'_, A> {
 
     /// Asks a terminal that seems to have left `state` (its answer: `shown`); returns the error if it confirms that, with the
     /// reason that it gives.
-    async fn left<S: HasPdi>(
+    async fn left<S: HasPdi, Clocks>(
         &self,
-        group: &Group<S>,
+        group: &Group<S, Clocks>,
         position: usize,
         [state, shown]: [SubDeviceState; 2],
     ) -> Option<SessionError> {
@@ -232,7 +305,26 @@ impl<A: Application> Session<'_, A> {
         })
     }
 
-    async fn read_errors(&mut self, group: &Group<Op>, position: usize) {
+    /// Reads how far the clock of a terminal is from the reference clock; of one without a clock nothing.
+    async fn read_clock<Clocks>(&mut self, group: &Group<Op, Clocks>, position: usize) {
+        if self.options.clocks.is_none() {
+            return;
+        }
+        let read = async {
+            let terminal = group.subdevice(self.main, position).ok()?;
+            let register = RegisterAddress::DcSystemTimeDifference;
+            match terminal.dc_support().any() {
+                true => terminal.register_read::<u32>(register).await.ok(),
+                false => None,
+            }
+        };
+        if let Some(raw) = future::or(read, after(self.options.timeout)).await {
+            self.application
+                .clock_difference(position, clock_difference(raw));
+        }
+    }
+
+    async fn read_errors<Clocks>(&mut self, group: &Group<Op, Clocks>, position: usize) {
         let read = async {
             let terminal = group.subdevice(self.main, position).ok()?;
             let bytes = terminal.register_read::<[u8; PortErrors::SIZE]>(PortErrors::FIRST);
@@ -243,6 +335,12 @@ impl<A: Application> Session<'_, A> {
                 .port_errors(position, PortErrors::read(bytes));
         }
     }
+}
+
+/// Returns a difference of clocks, ns, of the register 0x092C: an amount, and in bit 31 whether the own time is the smaller one.
+fn clock_difference(raw: u32) -> i64 {
+    let amount = i64::from(raw & 0x7fff_ffff);
+    if raw >> 31 == 1 { -amount } else { amount }
 }
 
 /// Is nothing, after this time.
@@ -277,6 +375,13 @@ mod tests {
         assert_eq!(next(ms(0)), ms(2));
         assert_eq!(next(ms(1)), ms(2));
         assert_eq!(next(ms(7)), ms(8));
+    }
+
+    #[test]
+    fn a_difference_of_clocks_has_its_sign_in_bit_31() {
+        assert_eq!(clock_difference(0), 0);
+        assert_eq!(clock_difference(250), 250);
+        assert_eq!(clock_difference(0x8000_0003), -3);
     }
 
     #[test]

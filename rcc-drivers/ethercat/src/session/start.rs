@@ -5,18 +5,36 @@ use std::time::Duration;
 
 use ethercrab::error::Error;
 use ethercrab::std::ethercat_now;
-use ethercrab::subdevice_group::{PreOp, SafeOp};
-use ethercrab::{DefaultLock, MainDevice, SubDeviceGroup};
+use ethercrab::subdevice_group::{DcConfiguration, HasDc, NoDc, PreOp, PreOpPdi, SafeOp};
+use ethercrab::{DcSync, DefaultLock, MainDevice, SubDeviceGroup};
 
-use super::{ExpectedTerminal, IMAGE_MAX, ObjectData, SessionError, SessionOptions, TERMINALS_MAX};
+use super::{
+    ClockOptions, ExpectedTerminal, IMAGE_MAX, ObjectData, SessionError, SessionOptions,
+    TERMINALS_MAX,
+};
 
-/// A line in a state.
-pub(super) type Group<State> = SubDeviceGroup<TERMINALS_MAX, IMAGE_MAX, DefaultLock, State>;
+/// A line in a state, without distributed clocks unless `Clocks` says otherwise.
+pub(super) type Group<State, Clocks = NoDc> =
+    SubDeviceGroup<TERMINALS_MAX, IMAGE_MAX, DefaultLock, State, Clocks>;
+
+/// A line in SAFEOP.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one per session, matched at once"
+)]
+pub(super) enum StartedLine {
+    /// The period is this machine's.
+    Free(Group<SafeOp>),
+    /// The period is that of the reference clock.
+    Clocked(Group<SafeOp, HasDc>),
+}
 
 /// Register of the watchdog divider: units of 40 ns, less 2 (ETG.1000.4, section 6.3).
 const WATCHDOG_DIVIDER: u16 = 0x0400;
 /// Register of the watchdog of process data, in units of the divider.
 const WATCHDOG_TIME: u16 = 0x0420;
+/// Time from the start of SYNC0 being set until its first signal.
+const SYNC_DELAY: Duration = Duration::from_millis(100);
 /// Divider for units of 100 µs.
 const DIVIDER: u16 = 2498;
 /// Unit of the watchdog's time with that divider.
@@ -26,7 +44,7 @@ const WATCHDOG_UNIT: Duration = Duration::from_micros(100);
 pub(super) async fn start(
     main: &MainDevice<'_>,
     options: &SessionOptions,
-) -> Result<Group<SafeOp>, SessionError> {
+) -> Result<StartedLine, SessionError> {
     let group = main
         .init_single_group::<TERMINALS_MAX, IMAGE_MAX>(ethercat_now)
         .await;
@@ -43,10 +61,56 @@ pub(super) async fn start(
     });
     compare(&options.line, &found.collect::<Vec<_>>())?;
     set(main, &group, options).await?;
-    group
-        .into_safe_op(main)
+    let safe_op = |error| fault("SAFEOP", error);
+    match options.clocks {
+        None => {
+            let group = group.into_safe_op(main).await.map_err(safe_op)?;
+            Ok(StartedLine::Free(group))
+        }
+        Some(clocks) => {
+            let group = set_clocks(main, group, options, clocks).await?;
+            let group = group.into_safe_op(main).await.map_err(safe_op)?;
+            Ok(StartedLine::Clocked(group))
+        }
+    }
+}
+
+/// Switches SYNC0 of the terminals on that shall have it.
+async fn set_clocks(
+    main: &MainDevice<'_>,
+    mut group: Group<PreOp>,
+    options: &SessionOptions,
+    clocks: ClockOptions,
+) -> Result<Group<PreOpPdi, HasDc>, SessionError> {
+    let mut any = false;
+    for ((mut terminal, expected), position) in group.iter_mut(main).zip(&options.line).zip(1..) {
+        let has_clock = terminal.dc_support().any();
+        any |= has_clock;
+        if expected.sync0 && !has_clock {
+            return Err(SessionError::NoSync {
+                position,
+                name: expected.name.clone(),
+            });
+        }
+        terminal.set_dc_sync(match expected.sync0 {
+            true => DcSync::Sync0,
+            false => DcSync::Disabled,
+        });
+    }
+    if !any {
+        return Err(SessionError::NoClock);
+    }
+    let configuration = DcConfiguration {
+        start_delay: SYNC_DELAY,
+        sync0_period: options.period,
+        sync0_shift: clocks.shift,
+    };
+    let group = group
+        .into_pre_op_pdi(main)
         .await
-        .map_err(|error| fault("SAFEOP", error))
+        .map_err(|error| fault("SAFEOP", error))?;
+    let group = group.configure_dc_sync(main, configuration).await;
+    group.map_err(|error| fault("SAFEOP with distributed clocks", error))
 }
 
 /// Returns the error of a step.
@@ -127,6 +191,7 @@ mod tests {
             product,
             watchdog: None,
             objects: Vec::new(),
+            sync0: false,
         };
         let found = [("EL1008".to_owned(), 2, 7), ("EL2008".to_owned(), 2, 8)];
         let error = compare(&[want(7), want(7)], &found).unwrap_err();

@@ -219,6 +219,10 @@ fn describe(station: &Station) -> Value {
         "outputs": station.outputs(),
         "watchdog_trips": device.trips(),
         "drive": drive,
+        "clock": device.clock().map(|clock| json!({
+            "difference_ns": clock.difference_ns(),
+            "sync0_ns": device.sync0().map(|period| period.as_nanos() as u64),
+        })),
     })
 }
 

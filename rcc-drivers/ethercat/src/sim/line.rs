@@ -141,9 +141,9 @@ impl Line {
         let whole = self.stations.len();
         for (position, station) in (1..).zip(&mut self.stations) {
             let end = position == reach || position == whole;
-            station
-                .device
-                .set_link(if end { LINK_END } else { LINK_BOTH });
+            let link = if end { LINK_END } else { LINK_BOTH };
+            let place = [position - 1, reach.saturating_sub(position)];
+            station.device.set_link(link, place);
         }
     }
 

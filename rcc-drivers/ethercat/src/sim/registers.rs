@@ -38,6 +38,28 @@ pub const EEPROM_DATA: u16 = 0x0508;
 pub const FMMU: u16 = 0x0600;
 /// Size of the registers of an FMMU, bytes.
 pub const FMMU_SIZE: u16 = 16;
+/// Receive times of ports 0 to 3 (4 × u32); a write latches them.
+pub const DC_RECEIVE_TIMES: u16 = 0x0900;
+/// System time (u64); a write is compared with it.
+pub const DC_SYSTEM_TIME: u16 = 0x0910;
+/// Local time at which the last latching frame arrived (u64).
+pub const DC_RECEIVE_TIME: u16 = 0x0918;
+/// System time minus local time (i64).
+pub const DC_SYSTEM_TIME_OFFSET: u16 = 0x0920;
+/// Delay from the reference clock (u32), ns.
+pub const DC_DELAY: u16 = 0x0928;
+/// Difference from the reference clock (u32, bit 31: the own time is smaller), ns.
+pub const DC_DIFFERENCE: u16 = 0x092c;
+/// Start value of the control loop (u16); a write starts the comparison anew.
+pub const DC_LOOP_START: u16 = 0x0930;
+/// Activation of SYNC signals (u8): bit 0 cyclic operation, bit 1 SYNC0.
+pub const DC_ACTIVATION: u16 = 0x0981;
+/// Start of cyclic operation (u64), system time.
+pub const DC_START: u16 = 0x0990;
+/// Period of SYNC0 (u32), ns.
+pub const DC_SYNC0_CYCLE: u16 = 0x09a0;
+/// Last register of distributed clocks.
+pub const DC_LAST: u16 = 0x09ff;
 /// First sync manager; each has [`SM_SIZE`] bytes.
 pub const SM: u16 = 0x0800;
 /// Size of the registers of a sync manager, bytes.
@@ -52,6 +74,9 @@ const READ_ONLY: &[(u16, u16)] = &[
     (0x0140, 0x0151),
     (0x0300, 0x0313),
     (0x0440, 0x0443),
+    (0x0900, 0x090f),
+    (0x0918, 0x091f),
+    (0x092c, 0x092f),
 ];
 
 /// The memory of one SubDevice.
@@ -113,6 +138,12 @@ impl Memory {
     #[must_use]
     pub fn u32(&self, address: u16) -> u32 {
         u32::from(self.u16(address)) | u32::from(self.u16(address.saturating_add(2))) << 16
+    }
+
+    /// Returns a little-endian quad word.
+    #[must_use]
+    pub fn u64(&self, address: u16) -> u64 {
+        u64::from(self.u32(address)) | u64::from(self.u32(address.saturating_add(4))) << 32
     }
 
     /// Writes a little-endian word as the SubDevice itself.

@@ -37,6 +37,8 @@ pub mod code {
     pub const OUTPUTS: u16 = 0x001d;
     /// The sync manager of the inputs is wrong.
     pub const INPUTS: u16 = 0x001e;
+    /// SYNC0 is on, and its period is 0.
+    pub const SYNC_CONFIGURATION: u16 = 0x0030;
 }
 
 /// State, error flag and code.

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::clock::Clock;
 use super::drive::Drive;
 use super::eeprom;
 use super::frame::{Access, Datagram};
@@ -36,6 +37,8 @@ pub struct SubDevice {
     objects: ObjectDictionary,
     /// The axis of a drive.
     drive: Option<Drive>,
+    /// Its distributed clock.
+    clock: Option<Clock>,
     /// Values at the input terminals; they outlast a loss of power.
     inputs: [i32; CHANNELS_MAX],
     /// Since when no outputs arrived.
@@ -56,14 +59,16 @@ impl SubDevice {
             mailbox: Mailbox::default(),
             objects: ObjectDictionary::new(model, serial),
             drive: (model.channels == Channels::Drive).then(|| Drive::new(0)),
+            clock: model.has_clock().then(|| Clock::new(serial)),
             inputs: [0; CHANNELS_MAX],
             silent_since: Duration::ZERO,
             trips: 0,
         };
-        // Type ET1100 and its revision; FMMUs, sync managers, 8 KiB RAM, ports 0 and 1 E-bus; no distributed clocks.
+        // Type ET1100 and its revision; FMMUs, sync managers, 8 KiB RAM, ports 0 and 1 E-bus; distributed clocks of 64 bits or none.
         let managers = model.sync_managers().len() as u8;
         let fmmus = model.fmmu_uses().len() as u8;
-        let head = [0x11, 0, 2, 0, fmmus, managers, 8, 0x0a, 0, 0];
+        let features = if model.has_clock() { 0x0c } else { 0 };
+        let head = [0x11, 0, 2, 0, fmmus, managers, 8, 0x0a, features, 0];
         device.memory.put(0, &head);
         device.memory.put_u16(register::WATCHDOG_DIVIDER, 2498);
         device.memory.put_u16(register::WATCHDOG_TIME, 1000);
@@ -105,9 +110,26 @@ impl SubDevice {
         self.trips
     }
 
-    /// Sets the data link status, which depends on the neighbours.
-    pub fn set_link(&mut self, status: u16) {
+    /// Sets the data link status, and how many SubDevices are before it and behind it.
+    pub fn set_link(&mut self, status: u16, [before, behind]: [usize; 2]) {
         self.memory.put_u16(register::DL_STATUS, status);
+        if let Some(clock) = &mut self.clock {
+            clock.set_place(before, behind);
+        }
+    }
+
+    /// Returns its distributed clock, if it has one.
+    #[must_use]
+    pub fn clock(&self) -> Option<&Clock> {
+        self.clock.as_ref()
+    }
+
+    /// Returns the period of SYNC0; `None` if it is off.
+    #[must_use]
+    pub fn sync0(&self) -> Option<Duration> {
+        let on = self.memory.u8(register::DC_ACTIVATION) & 3 == 3;
+        let period = u64::from(self.memory.u32(register::DC_SYNC0_CYCLE));
+        (self.clock.is_some() && on).then(|| Duration::from_nanos(period))
     }
 
     /// Counts a lost link at a port.
@@ -202,7 +224,7 @@ impl SubDevice {
         match datagram.command.access {
             Access::None => {}
             Access::Read | Access::ReadMultipleWrite => {
-                let Some(data) = self.read(offset, size) else {
+                let Some(data) = self.read(offset, size, now) else {
                     return;
                 };
                 datagram.data.copy_from_slice(&data);
@@ -214,7 +236,7 @@ impl SubDevice {
                 }
             }
             Access::ReadWrite => {
-                let before = self.read(offset, size);
+                let before = self.read(offset, size, now);
                 let written = self.write(offset, datagram.data, now);
                 if let Some(before) = &before {
                     datagram.data.copy_from_slice(before);
@@ -243,7 +265,13 @@ impl SubDevice {
     }
 
     /// Reads the memory; `None` if the address does not exist, or the mailbox there is empty.
-    fn read(&mut self, address: u16, size: usize) -> Option<Vec<u8>> {
+    fn read(&mut self, address: u16, size: usize, now: Duration) -> Option<Vec<u8>> {
+        if self.lacks_clock(address) {
+            return None;
+        }
+        if let Some(clock) = &self.clock {
+            clock.show(&mut self.memory, now);
+        }
         let data = self.memory.range(address, size)?.to_vec();
         if let Some(manager) = self.mailbox_at(1, address) {
             let status = SM + SM_SIZE + 5;
@@ -260,6 +288,9 @@ impl SubDevice {
     /// Writes the memory, with what follows from it. Returns false if the address does not exist, or the mailbox there
     /// cannot take a message.
     fn write(&mut self, address: u16, data: &[u8], now: Duration) -> bool {
+        if self.lacks_clock(address) {
+            return false;
+        }
         let mailbox = self.mailbox_at(0, address);
         let waiting = self.memory.u8(SM + SM_SIZE + 5) & FULL != 0;
         if mailbox.is_some() && waiting || !self.memory.write(address, data) {
@@ -269,6 +300,18 @@ impl SubDevice {
         let touched = |register: u16| (address..=last).contains(&register) && !data.is_empty();
         if mailbox.is_some_and(|manager| manager.ends_in(address, data.len())) {
             self.take_message();
+        }
+        if let Some(clock) = &mut self.clock {
+            if touched(register::DC_RECEIVE_TIMES) {
+                clock.latch(&mut self.memory, now);
+            }
+            if touched(register::DC_SYSTEM_TIME) {
+                let reference = self.memory.u64(register::DC_SYSTEM_TIME);
+                clock.compare(&mut self.memory, reference, now);
+            }
+            if touched(register::DC_SYSTEM_TIME_OFFSET) || touched(register::DC_LOOP_START) {
+                clock.forget_difference(&mut self.memory);
+            }
         }
         if touched(register::AL_CONTROL) {
             self.request(now);
@@ -282,6 +325,11 @@ impl SubDevice {
         }
         self.note_outputs(address, data.len(), now);
         true
+    }
+
+    /// Returns true for a register of distributed clocks that this SubDevice does not have.
+    fn lacks_clock(&self, address: u16) -> bool {
+        self.clock.is_none() && (register::DC_RECEIVE_TIMES..=register::DC_LAST).contains(&address)
     }
 
     /// Returns the sync manager of a mailbox if it is on and the address is in it.
@@ -380,6 +428,9 @@ impl SubDevice {
             State::PreOp if wrong(&[1, 2]) => Some(code::MAILBOX),
             State::SafeOp if wrong(&[3]) => Some(code::OUTPUTS),
             State::SafeOp if wrong(&[4]) => Some(code::INPUTS),
+            State::SafeOp | State::Op if self.sync0() == Some(Duration::ZERO) => {
+                Some(code::SYNC_CONFIGURATION)
+            }
             _ => None,
         }
     }
