@@ -39,6 +39,12 @@ pub struct DeviceModel {
 }
 
 impl DeviceModel {
+    /// Returns true if the joints are linear axes: positions are in m.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        self.arm.is_some_and(|arm| arm.is_linear())
+    }
+
     /// A plain I/O device without channels.
     pub const NONE: DeviceModel = DeviceModel {
         joints: 0,

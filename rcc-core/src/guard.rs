@@ -131,9 +131,15 @@ pub struct Violation {
 }
 
 impl Violation {
-    /// Returns the unit of `value` and `limit`; empty if they are dimensionless.
+    /// Returns the unit of `value` and `limit` for rotary joints; empty if they are dimensionless.
     #[must_use]
     pub fn unit(&self) -> &'static str {
+        self.unit_of(false)
+    }
+
+    /// As [`Violation::unit`], for a device whose joints are linear axes if `linear` is set.
+    #[must_use]
+    pub fn unit_of(&self, linear: bool) -> &'static str {
         let along = (JOINTS_MAX..JOINTS_MAX + 3).contains(&usize::from(self.joint));
         match self.kind {
             ViolationKind::Stiffness if along => "N/m",
@@ -144,6 +150,9 @@ impl Violation {
             ViolationKind::Added => "N·m",
             ViolationKind::Damping | ViolationKind::Strategy | ViolationKind::Singularity => "",
             ViolationKind::Workspace => "m",
+            ViolationKind::NotFinite | ViolationKind::Range | ViolationKind::Jump if linear => "m",
+            ViolationKind::Velocity if linear => "m/s",
+            ViolationKind::Acceleration if linear => "m/s²",
             ViolationKind::NotFinite | ViolationKind::Range | ViolationKind::Jump => "rad",
             ViolationKind::Velocity => "rad/s",
             ViolationKind::Acceleration => "rad/s²",
@@ -170,9 +179,25 @@ impl From<WorkspaceViolation> for Violation {
     }
 }
 
+/// A violation in words, for a device whose joints are linear axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinearViolation(pub Violation);
+
+impl fmt::Display for LinearViolation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.write(f, true)
+    }
+}
+
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (value, limit, unit) = (self.value, self.limit, self.unit());
+        self.write(f, false)
+    }
+}
+
+impl Violation {
+    fn write(&self, f: &mut fmt::Formatter<'_>, linear: bool) -> fmt::Result {
+        let (value, limit, unit) = (self.value, self.limit, self.unit_of(linear));
         match axis(usize::from(self.joint)) {
             _ if self.kind.is_of_device() => {}
             Some(axis) => write!(f, "axis {axis}: ")?,

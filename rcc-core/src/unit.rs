@@ -51,6 +51,16 @@ impl Unit {
     /// Angular jerk.
     pub const RADIAN_PER_SECOND3: Unit = unit(0, 0, -3, 0, 0, 1);
 
+    /// Returns the unit of joint positions, divided by `order` seconds: rad, or m for linear axes.
+    #[must_use]
+    pub fn of_joints(linear: bool, order: u8) -> Unit {
+        let position = match linear {
+            true => Unit::METRE,
+            false => Unit::RADIAN,
+        };
+        (0..order).fold(position, |unit, _| unit.per(Unit::SECOND))
+    }
+
     /// Returns the unit of a product.
     pub const fn times(self, other: Unit) -> Unit {
         self.combine(other, 1)

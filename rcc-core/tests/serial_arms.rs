@@ -305,7 +305,7 @@ fn a_singularity_is_near_where_the_jacobian_loses_rank() {
 #[test]
 fn parameters_make_the_same_arm_again() {
     let fewer = SerialArm::new(&arms::ur5e().axes()[..2], Pose::IDENTITY, 0).unwrap();
-    for arm in [arms::ur5e(), arms::panda(), arms::planar(), fewer] {
+    for arm in [arms::ur5e(), arms::panda(), arms::planar(), fewer, gantry()] {
         let (kind, parameters) = Arm::Serial(arm).parameters();
         let again = Arm::from_parameters(kind, &parameters);
         assert_eq!(again, Some(Arm::Serial(arm)));
@@ -328,4 +328,66 @@ fn an_arm_needs_one_to_seven_axes_with_directions() {
     assert_eq!(SerialArm::new(&[up], Pose::NULL, 0), None);
     let arm = SerialArm::new(&[up], Pose::IDENTITY, 0).unwrap();
     assert_eq!(arm.axes(), [axis([0.0, 0.0, 1.0])]);
+}
+
+/// A gantry: along x, then along a slanted axis, then down.
+fn gantry() -> SerialArm {
+    let axis = |point, direction| JointAxis { point, direction };
+    let axes = [
+        axis([0.0, 0.0, 1.0], [2.0, 0.0, 0.0]),
+        axis([0.5, 0.1, 1.0], [0.0, 0.6, 0.8]),
+        axis([0.5, 0.4, 1.2], [0.0, 0.0, -1.0]),
+    ];
+    let flange = Pose::from_xyz_rpy([0.5, 0.4, 0.9], [std::f64::consts::PI, 0.0, 0.3]);
+    SerialArm::of_linear_axes(&axes, flange).unwrap()
+}
+
+#[test]
+fn linear_axes_move_the_flange_along_their_directions_and_never_turn_it() {
+    let (arm, mut random) = (Arm::Serial(gantry()), Rng::with_seed(4));
+    let zero = arm.forward(&[0.0; JOINTS_MAX]);
+    for _ in 0..1000 {
+        let mut joints = [0.0; JOINTS_MAX];
+        for joint in joints.iter_mut().take(3) {
+            *joint = random.uniform(-20.0, 20.0);
+        }
+        let [x, slant, down, ..] = joints;
+        let pose = arm.forward(&joints);
+        let want = [x, 0.6 * slant, 0.8 * slant - down];
+        let moved = rcc_core::vector::subtract(pose.position, zero.position);
+        for (have, want) in moved.into_iter().zip(want) {
+            assert!((have - want).abs() < 1e-12, "{moved:?}");
+        }
+        assert!(pose.angle_to(&zero) < 1e-12);
+        // From a hint far away: no joint is shifted by turns, as an angle would be.
+        let hint = [7.0, -9.0, 13.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let found = arm.inverse(&pose, 0.0, arm.branch(&joints), &hint).unwrap();
+        for (have, want) in found.into_iter().zip(joints) {
+            assert!((have - want).abs() < 1e-9, "{found:?} {joints:?}");
+        }
+    }
+    let jacobian = arm.jacobian(&[0.3; JOINTS_MAX]);
+    let column = |joint: usize| jacobian.map(|row| row[joint]);
+    assert_eq!(column(0), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(column(1), [0.0, 0.6, 0.8, 0.0, 0.0, 0.0]);
+    assert_eq!(column(3), [0.0; 6]);
+    assert!(arm.singularity(&[0.0; JOINTS_MAX]).distance > 0.1);
+}
+
+#[test]
+fn linear_axes_reach_no_other_orientation_and_none_is_redundant() {
+    let arm = Arm::Serial(gantry());
+    assert!(arm.is_linear() && !Arm::Serial(arms::ur5e()).is_linear());
+    let turned = Pose::from_xyz_rpy([0.5, 0.4, 0.9], [0.0, 0.0, 0.0]);
+    let found = arm.inverse(&turned, 0.0, arm.branch(&[0.0; 8]), &[0.0; 8]);
+    assert!(
+        matches!(found, Err(Unreachable::NoSolution { .. })),
+        "{found:?}"
+    );
+    let up = JointAxis {
+        point: [0.0; 3],
+        direction: [0.0, 0.0, 1.0],
+    };
+    assert_eq!(SerialArm::of_linear_axes(&[up; 7], Pose::IDENTITY), None);
+    assert_eq!(SerialArm::of_linear_axes(&[], Pose::IDENTITY), None);
 }

@@ -29,7 +29,7 @@ use rcc_exec::clock::{Clock, FollowedDevice};
 use rcc_exec::ids::IdBlocks;
 use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
 use rcc_exec::intake::{Intake, IntakeConfig};
-use rcc_exec::pump::{PUMP_EVERY, Pump};
+use rcc_exec::pump::{PUMP_EVERY, Pump, PumpedDevice};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::rule_texts::RuleTexts;
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
@@ -120,7 +120,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
         .map(|device| device.name.clone())
         .collect();
     let intake_config = IntakeConfig {
-        names: names.clone(),
+        names,
         models,
         configuration: config.fingerprint(),
         period_ns: config.period_ns,
@@ -153,7 +153,11 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
         .with_event_log(recorder.clone())
         .with_incident_writer(prepared, recordings)
         .with_rule_texts(rule_texts);
-    let pump = Pump::new(records, events, publisher, names);
+    let pumped = config.devices.iter().map(|device| PumpedDevice {
+        name: device.name.clone(),
+        linear: device.model().is_linear(),
+    });
+    let pump = Pump::new(records, events, publisher, pumped.collect());
     let pump = pump.with_event_log(&cell, recorder.clone());
     spawn_helpers(&helpers, intake, pump, incident_writer)?;
     let supervisor = supervisor(&helpers, &recorder, status, config.period_ns)?;

@@ -30,7 +30,7 @@ pub struct Pump {
     events: Consumer<EngineEvent>,
     publisher: Publisher<MonitorRecord>,
     batch: Vec<MonitorRecord>,
-    devices: Vec<String>,
+    devices: Vec<PumpedDevice>,
     late: LateSummary,
     log: Option<(Cell, EventRecorder)>,
 }
@@ -66,13 +66,22 @@ impl LateSummary {
     }
 }
 
+/// A device, as log lines name it.
+#[derive(Clone, Debug)]
+pub struct PumpedDevice {
+    /// Its name.
+    pub name: String,
+    /// Its joints are linear axes.
+    pub linear: bool,
+}
+
 impl Pump {
-    /// Creates the pump; `devices` are the device names by index, for log lines.
+    /// Creates the pump; `devices` are the devices by index, for log lines.
     pub fn new(
         records: Consumer<MonitorRecord>,
         events: Consumer<EngineEvent>,
         publisher: Publisher<MonitorRecord>,
-        devices: Vec<String>,
+        devices: Vec<PumpedDevice>,
     ) -> Pump {
         Pump {
             records,
@@ -277,7 +286,9 @@ impl Pump {
     }
 
     fn device(&self, index: u32) -> &str {
-        self.devices.get(index as usize).map_or("?", String::as_str)
+        self.devices
+            .get(index as usize)
+            .map_or("?", |device| device.name.as_str())
     }
 
     fn fault(&self, fault: &FaultRecord) -> CommandFault {
@@ -294,7 +305,9 @@ impl Pump {
                 limit,
             }
         });
-        let unit = violation.map(|violation| violation.unit().to_owned());
+        let device = self.devices.get(fault.device as usize);
+        let linear = device.is_some_and(|device| device.linear);
+        let unit = violation.map(|violation| violation.unit_of(linear).to_owned());
         let rule = kind.map(|kind| match kind {
             ViolationKind::NotFinite => "set-point is not a number",
             ViolationKind::Range => "position",

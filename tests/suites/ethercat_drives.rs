@@ -320,3 +320,79 @@ fn the_cycles_follow_the_exchanges_of_the_line_if_the_clock_does() {
     drop(watch);
     cell.stop();
 }
+
+/// Moves both axes of the gantry, and ends when they are there; the first number has this unit.
+fn gantry_to(carriage: &str, slide: &str) -> String {
+    format!(
+        "
+net: move
+primitives:
+  cancel: {{type: Cancel}}
+  move:
+    type: JointMotion
+    parameters: {{device: gantry, to: [{carriage}, {slide}], scale: 0.8}}
+    inputs: {{stop: cancel.requested}}
+  robot: {{type: JointPositionCommand, parameters: {{device: gantry}}, inputs: {{position: move.joints}}}}
+  state: {{type: JointState, parameters: {{device: gantry}}}}
+  x:     {{type: At, inputs: {{in: state.position, index: 0}}}}
+  away:  {{type: Formula, parameters: {{expr: \"abs(x - {carriage}) < 1 mm\"}}, inputs: {{x: x.out}}}}
+  there: {{type: And, inputs: {{a: away.out, b: move.done}}}}
+  end:   {{type: Termination, inputs: {{done: there.out}}}}
+discard: [state.hold, state.torque, state.external_torque]
+"
+    )
+}
+
+/// A line of the flange, which points down.
+const GANTRY_LINE: &str = "
+net: line
+primitives:
+  cancel: {type: Cancel}
+  move:
+    type: LinearMotion
+    parameters:
+      device: gantry
+      to: {xyz: [0.1 m, 0.2 m, 0.9 m], rpy: [180 deg, 0 deg, 0 deg]}
+      velocity: 0.2 m/s
+      acceleration: 1 m/s^2
+      jerk: 10 m/s^3
+    inputs: {stop: cancel.requested}
+  ik:    {type: InverseKinematics, parameters: {device: gantry}, inputs: {pose: move.pose}}
+  robot: {type: JointPositionCommand, parameters: {device: gantry}, inputs: {position: ik.joints}}
+  end:   {type: Termination, inputs: {done: move.done}}
+";
+
+#[test]
+fn a_gantry_moves_by_metres_and_refuses_degrees() {
+    let shipped = repository().join("configs/cells/ethercat-gantry.yaml");
+    let cell = TestCell::start_online(&shipped, |text| text);
+    let mut line = cell.simulator("line-sim");
+    let power = cell.run(&POWER.replace("table", "gantry"));
+    cell.await_device("gantry", "ready");
+    // At count 0 the slide is at 100 mm, and goes down with its counts.
+    assert_eq!(positions(&mut line), [0, 0]);
+    let id = cell.run(&gantry_to("400 mm", "-0.05 m"));
+    cell.assert_ends(id, "finished");
+    await_some("the place", || {
+        (positions(&mut line) == [400_000, 300_000]).then_some(())
+    });
+    let id = cell.run(GANTRY_LINE);
+    cell.assert_ends(id, "finished");
+    await_some("the end of the line", || {
+        (positions(&mut line) == [100_000, 400_000]).then_some(())
+    });
+    let (_, refused) = cell.load_any(&gantry_to("20 deg", "0 m"));
+    let words = refused.to_string();
+    assert!(words.contains("unit mismatch"), "{words}");
+    // The guard and the rehearsal tell metres.
+    let (id, _) = cell.load_any(&gantry_to("1.6 m", "0 m"));
+    let refused = cell.operate(id, "start");
+    let words = format!("{refused:?}{}", cell.state(id));
+    assert!(
+        words.contains("1.6") && words.contains(" m") && !words.contains('°'),
+        "{words}"
+    );
+    cell.done(power, "cancel");
+    cell.assert_ends(power, "canceled");
+    cell.stop();
+}

@@ -52,12 +52,12 @@ impl Reading {
         WRENCH.into_iter().map(str::to_owned).chain(of_joints)
     }
 
-    /// Returns its unit.
+    /// Returns its unit; `linear`: the joints are linear axes.
     #[must_use]
-    pub fn unit(self) -> Unit {
+    pub fn unit(self, linear: bool) -> Unit {
         match self {
             Reading::Wrench(0..3) => Unit::NEWTON,
-            Reading::Position(_) => Unit::RADIAN,
+            Reading::Position(_) => Unit::of_joints(linear, 0),
             Reading::Wrench(_) | Reading::Torque(_) | Reading::ExternalTorque(_) => {
                 Unit::NEWTON_METRE
             }
@@ -92,6 +92,6 @@ mod tests {
         ] {
             assert_eq!(Reading::named(name, 7), expected, "{name}");
         }
-        assert_eq!(Reading::Wrench(3).unit(), Unit::NEWTON_METRE);
+        assert_eq!(Reading::Wrench(3).unit(false), Unit::NEWTON_METRE);
     }
 }

@@ -305,7 +305,8 @@ fn effect(
     }
     let joints = device.robot.as_ref().map(|robot| robot.joints.len());
     if let Some(reading) = joints.and_then(|joints| Reading::named(name, joints)) {
-        return real(assignment.value, reading.unit())
+        let linear = device.model().is_linear();
+        return real(assignment.value, reading.unit(linear))
             .map(|value| ScriptEffect::Reading(reading, value))
             .map_err(bad);
     }

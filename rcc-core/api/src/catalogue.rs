@@ -7,6 +7,7 @@ use rcc_core::primitive::{
     StateSpec, UnitRule,
 };
 use rcc_core::primitives::{CATALOGUE, Subject};
+use rcc_core::unit::Unit;
 
 use crate::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
 
@@ -144,6 +145,10 @@ fn unit_words(rule: UnitRule) -> String {
         UnitRule::PerSecond3(a) => format!("{}/s^3", letter(a)),
         UnitRule::Root(a) => format!("root of {}", letter(a)),
         UnitRule::Channel => "the channel's".to_owned(),
+        UnitRule::Joint(order) => {
+            let [turning, linear] = [false, true].map(|linear| Unit::of_joints(linear, order));
+            format!("{turning} or {linear}")
+        }
         UnitRule::Typed => String::new(),
     }
 }

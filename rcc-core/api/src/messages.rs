@@ -86,6 +86,16 @@ impl NameResolver<'_> {
             .map_or_else(|| format!("joint {joint}"), |joint| joint.name.clone())
     }
 
+    /// Returns true if all arms of the cell are linear axes: a motion does not say which one it moves.
+    fn arms_are_linear(&self) -> bool {
+        let mut robots = self
+            .config
+            .devices
+            .iter()
+            .filter_map(|device| device.robot.as_ref());
+        robots.clone().next().is_some() && robots.all(|robot| robot.arm.is_linear())
+    }
+
     /// Returns a joint's name if it is the same in all arms of the cell; `joint` is counted from 1.
     fn joint_of_any(&self, joint: u32) -> String {
         let robots = self.config.devices.iter().zip(0..);
@@ -440,7 +450,11 @@ impl NameResolver<'_> {
                 leg,
                 fault,
             } => {
-                let (why, help) = motion(fault, |joint| self.joint_of_any(joint));
+                let (why, help) = motion(
+                    fault,
+                    |joint| self.joint_of_any(joint),
+                    self.arms_are_linear(),
+                );
                 let id = self.motion(id, number);
                 (format!("{id}, leg {}: {why}", leg + 1), help)
             }

@@ -35,7 +35,7 @@ pub struct RobotConfig {
     pub source: String,
 }
 
-/// Limits of one joint.
+/// Limits of one joint; those of a linear axis are in m instead of rad.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointConfig {
     /// Name, unique in its robot.
@@ -99,7 +99,7 @@ impl RobotConfig {
         joints
     }
 
-    /// Parses joint positions from a setting such as `[0, "-30 deg", 0.5]`; returns them in rad, or `None` unless there
+    /// Parses joint positions from a setting such as `[0, "-30 deg", 0.5]`; returns them in rad (linear axes: m), or `None` unless there
     /// is one for each joint, inside its range.
     #[must_use]
     pub fn positions(&self, setting: &serde_json::Value) -> Option<Joints> {
@@ -109,7 +109,8 @@ impl RobotConfig {
             return None;
         }
         for ((place, joint), value) in joints.iter_mut().zip(&self.joints).zip(given) {
-            let position = value.as_f64().or_else(|| angle(value.as_str()?))?;
+            let unit = Unit::of_joints(self.arm.is_linear(), 0);
+            let position = value.as_f64().or_else(|| quantity(value.as_str()?, unit))?;
             let inside = position >= joint.lower_rad && position <= joint.upper_rad;
             *place = inside.then_some(position)?;
         }
@@ -117,12 +118,12 @@ impl RobotConfig {
     }
 }
 
-/// Parses an angle such as `-30 deg`, rad.
-fn angle(text: &str) -> Option<f64> {
+/// Parses a quantity such as `-30 deg` in SI units; `None` in another unit.
+fn quantity(text: &str, wanted: Unit) -> Option<f64> {
     let (number, unit) = text.trim().split_once(' ')?;
     let (unit, factor) = Unit::parse(unit.trim())?;
     let number: f64 = number.parse().ok()?;
-    (unit == Unit::RADIAN).then_some(number * factor)
+    (unit == wanted).then_some(number * factor)
 }
 
 /// Limits of a device without joints.

@@ -351,36 +351,57 @@ fn kinematics() -> Value {
         })
     };
     json!({
-        "description": "`srs`: spherical shoulder, hinge and spherical wrist, seven joints; `ortho-parallel`: six joints; `serial`: one to seven axes in any arrangement.",
-        "oneOf": [required(&srs), required(&six), serial()],
+        "description": "`srs`: spherical shoulder, hinge and spherical wrist, seven joints; `ortho-parallel`: six joints; `serial`: one to seven axes in any arrangement; `linear`: one to six linear axes.",
+        "oneOf": [required(&srs), required(&six), serial(), linear()],
     })
 }
 
-fn serial() -> Value {
-    let three = |description: &str, item: &str| list(description, 3, &quantity(item));
-    let axis = object(
+fn axis() -> Value {
+    object(
         "The axis of a joint in the base frame, with all joints at 0.",
         &["point", "direction"],
         json!({
             "point": three("A point on the axis.", "Coordinate: `0.1625 m`."),
             "direction": three("Direction of the axis: `[0, 0, 1]`.", "Coordinate without unit."),
         }),
-    );
-    let flange = object(
+    )
+}
+
+fn three(description: &str, item: &str) -> Value {
+    list(description, 3, &quantity(item))
+}
+
+fn flange() -> Value {
+    object(
         "Pose of the flange in the base frame, with all joints at 0.",
         &["xyz"],
         json!({
             "xyz": three("Position.", "Coordinate: `0.1 m`."),
             "rpy": three("Roll, pitch and yaw.", "Angle: `90 deg`."),
         }),
-    );
+    )
+}
+
+fn linear() -> Value {
+    object(
+        "A machine of linear axes; limits of its joints are in m.",
+        &["type", "axes", "flange"],
+        json!({
+            "type": {"const": "linear"},
+            "axes": {"description": "Axes from the base to the flange; a joint moves along its direction.", "type": "array", "minItems": 1, "maxItems": 6, "items": axis()},
+            "flange": flange(),
+        }),
+    )
+}
+
+fn serial() -> Value {
     object(
         "An arm by its joints; its inverse kinematics is numeric.",
         &["type", "axes", "flange"],
         json!({
             "type": {"const": "serial"},
-            "axes": {"description": "Axes from the base to the flange.", "type": "array", "minItems": 1, "maxItems": 7, "items": axis},
-            "flange": flange,
+            "axes": {"description": "Axes from the base to the flange.", "type": "array", "minItems": 1, "maxItems": 7, "items": axis()},
+            "flange": flange(),
             "redundant_joint": integer("With seven axes: number of the joint that keeps its position on lines and arcs.", 1, 7),
         }),
     )

@@ -191,3 +191,38 @@ fn the_flange_of_a_serial_arm_is_where_pinocchio_puts_it() {
         assert_eq!(compared, 1000);
     }
 }
+
+#[test]
+fn limits_of_linear_axes_are_in_metres_and_only_in_metres() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../configs/robots/gantry.yaml"
+    );
+    let text = std::fs::read_to_string(path).expect("it is shipped");
+    let robot =
+        RobotConfig::parse(&text, "gantry.yaml").unwrap_or_else(|faults| panic!("{faults}"));
+    assert!(robot.arm.is_linear());
+    let carriage = &robot.joints[0];
+    assert_eq!((carriage.lower_rad, carriage.upper_rad), (-0.05, 1.5));
+    assert_eq!(carriage.velocity_rad_s, 0.5);
+    let setting = serde_json::json!(["250 mm", -0.1]);
+    assert_eq!(
+        robot.positions(&setting).map(|all| [all[0], all[1]]),
+        Some([0.25, -0.1])
+    );
+    assert_eq!(robot.positions(&serde_json::json!(["20 deg", 0.0])), None);
+    for (wrong, words) in [
+        ("velocity: 0.5 rad/s", "velocity"),
+        ("velocity: 0.5 m/s, dynamics: {}", "dynamics"),
+    ] {
+        let text = text.replace("velocity: 0.5 m/s", wrong);
+        let faults = RobotConfig::parse(&text, "gantry.yaml").expect_err(wrong);
+        assert!(faults.to_string().contains(words), "{faults}");
+    }
+    let text = format!("{text}impedance: {{}}\n");
+    let faults = RobotConfig::parse(&text, "gantry.yaml").expect_err("impedance");
+    assert!(
+        faults.to_string().contains("no meaning for linear axes"),
+        "{faults}"
+    );
+}

@@ -112,6 +112,12 @@ impl UnitVariables {
                 let channel = graph.items.get(number).and_then(|item| item.channel);
                 channel.map_or(UnitTerm::None, |(_, unit)| UnitTerm::Fixed(unit))
             }
+            UnitRule::Joint(order) => {
+                let item = graph.items.get(number);
+                let device = item.and_then(|item| graph.cell.devices.get(item.device?));
+                let linear = device.is_some_and(|device| device.model.is_linear());
+                UnitTerm::Fixed(Unit::of_joints(linear, order))
+            }
             _ => {
                 let found = self.item(graph, number).find(|(known, _)| *known == rule);
                 found.map_or(UnitTerm::None, |(_, variable)| UnitTerm::Variable(variable))

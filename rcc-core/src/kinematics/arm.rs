@@ -8,7 +8,7 @@ use super::links::LinkPoints;
 use super::ortho::OrthoParallelArm;
 use super::serial::{AXES_MAX, JointAxis, SerialArm};
 use super::srs::SrsArm;
-use super::turns::{OutOfLimits, nearest_turns, turns_within};
+use super::turns::{OutOfLimits, nearest_turns, turns_within, within_limits};
 use crate::guard::JointLimits;
 use crate::message::{JOINTS_MAX, Joints};
 use crate::pose::Pose;
@@ -23,7 +23,7 @@ pub const PARAMETERS: usize = 2 + 6 * AXES_MAX + 7;
 /// Number of parameters that describe an arm in closed form.
 const CLOSED_FORM_PARAMETERS: usize = 19;
 
-/// The kinematics of an arm. Joint positions are in rad, in the robot's own directions and zeros, from the base to the
+/// The kinematics of an arm. Joint positions are in rad, those of linear axes in m, in the robot's own directions and zeros, from the base to the
 /// flange; elements beyond [`Arm::joints`] are ignored in arguments and 0 in results.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(
@@ -35,7 +35,7 @@ pub enum Arm {
     Srs(SrsArm),
     /// Six joints: two parallel axes perpendicular to the first, spherical wrist.
     OrthoParallel(OrthoParallelArm),
-    /// One to seven revolute axes in any arrangement; the inverse is numeric and has no branches.
+    /// One to seven revolute axes in any arrangement, or one to six linear axes; the inverse is numeric and has no branches.
     Serial(SerialArm),
 }
 
@@ -123,6 +123,15 @@ impl Arm {
             Arm::Srs(_) => 7,
             Arm::OrthoParallel(_) => 6,
             Arm::Serial(arm) => arm.joints(),
+        }
+    }
+
+    /// Returns true if the joints are linear axes: their positions are in m.
+    #[must_use]
+    pub const fn is_linear(&self) -> bool {
+        match self {
+            Arm::Serial(arm) => arm.is_linear(),
+            Arm::Srs(_) | Arm::OrthoParallel(_) => false,
         }
     }
 
@@ -225,7 +234,11 @@ impl Arm {
             Arm::OrthoParallel(arm) => from_six(arm.inverse(pose, branch, &six(hint))?),
             Arm::Serial(arm) => arm.inverse(pose, arm_angle, hint)?,
         };
-        Ok(nearest_turns(&found, hint))
+        // Linear axes have no turns.
+        Ok(match self.is_linear() {
+            true => found,
+            false => nearest_turns(&found, hint),
+        })
     }
 
     /// As [`Arm::inverse`], with each joint by the whole turn that is within its limits and nearest to `hint`.
@@ -241,7 +254,10 @@ impl Arm {
     ) -> Result<Joints, InverseKinematicsError> {
         let ArmConfiguration { branch, arm_angle } = configuration;
         let found = self.inverse(pose, arm_angle, branch, hint)?;
-        Ok(turns_within(&found, hint, limits)?)
+        Ok(match self.is_linear() {
+            true => within_limits(&found, limits).map(|()| found)?,
+            false => turns_within(&found, hint, limits)?,
+        })
     }
 
     /// Returns the joints of all branches, by [`Branch::index`], as computed by [`Arm::inverse`].
@@ -296,8 +312,8 @@ impl Arm {
     /// Returns the kind as a number and its parameters, for hashes and files: `(1, S-R-S)` shoulder height, upper arm,
     /// forearm, wrist to flange, seven signs; `(2, ortho-parallel)` shoulder height and offset, lateral offset, upper
     /// arm, elbow offset, forearm, wrist to flange, six signs, six zeros; `(3, serial)` the number of axes, the
-    /// redundant joint, seven axes with point and direction each, and the flange as in [`Pose::to_slots`]. Unused elements
-    /// are 0.
+    /// redundant joint, seven axes with point and direction each, and the flange as in [`Pose::to_slots`]; `(4, linear axes)`
+    /// as for 3. Unused elements are 0.
     #[must_use]
     pub fn parameters(&self) -> (u32, [f64; PARAMETERS]) {
         let mut all = [0.0; PARAMETERS];
@@ -324,7 +340,7 @@ impl Arm {
                 }
                 let axes = axes.as_flattened().as_flattened();
                 put([&head.map(|n| n as f64), axes, &arm.flange().to_slots()]);
-                3
+                if arm.is_linear() { 4 } else { 3 }
             }
         };
         (kind, all)
@@ -334,7 +350,7 @@ impl Arm {
     #[must_use]
     pub const fn parameter_count(kind: u32) -> usize {
         match kind {
-            3 => PARAMETERS,
+            3 | 4 => PARAMETERS,
             _ => CLOSED_FORM_PARAMETERS,
         }
     }
@@ -368,7 +384,7 @@ impl Arm {
                     *rest.first_chunk()?,
                 )))
             }
-            3 => {
+            3 | 4 => {
                 let ([count, redundant], rest) = parameters.split_first_chunk::<2>()?;
                 let (axes, flange) = rest.split_first_chunk::<{ 6 * AXES_MAX }>()?;
                 let mut all = [JointAxis {
@@ -384,7 +400,11 @@ impl Arm {
                 }
                 let axes = all.get(..*count as usize)?;
                 let flange = Pose::from_slots(*flange.first_chunk()?);
-                SerialArm::new(axes, flange, *redundant as usize).map(Arm::Serial)
+                let arm = match kind {
+                    3 => SerialArm::new(axes, flange, *redundant as usize),
+                    _ => SerialArm::of_linear_axes(axes, flange),
+                };
+                arm.map(Arm::Serial)
             }
             _ => None,
         }

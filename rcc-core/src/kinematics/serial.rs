@@ -1,4 +1,4 @@
-//! An arm of one to seven revolute axes in any arrangement. Forward kinematics and Jacobian are exact; the inverse is
+//! An arm of one to seven revolute axes in any arrangement, or of one to six linear axes. Forward kinematics and Jacobian are exact; the inverse is
 //! numeric, with a bounded number of steps and without heap. Used by the loader and by the real-time thread.
 //!
 //! Product of exponentials (Lynch and Park, Modern Robotics, Cambridge 2017, section 4.1): each axis is a line in the base
@@ -64,7 +64,7 @@ impl JointAxis {
     };
 }
 
-/// Axes and flange of an arm. Seven axes leave one degree of freedom: the position of the redundant joint then is the arm
+/// Axes and flange of an arm, all of them revolute, or all of them linear: then "rad" below is m. Seven axes leave one degree of freedom: the position of the redundant joint then is the arm
 /// angle, which a pose does not determine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SerialArm {
@@ -72,6 +72,7 @@ pub struct SerialArm {
     count: usize,
     redundant_joint: usize,
     flange: Pose,
+    linear: bool,
 }
 
 /// Axes and flange at one joint position, base frame.
@@ -136,7 +137,25 @@ impl SerialArm {
             count,
             redundant_joint,
             flange,
+            linear: false,
         })
+    }
+
+    /// Creates a machine of linear axes: each joint moves by its position (m) along its direction. Points are ends of links where
+    /// it is drawn. `None` for no axis, more than six, an axis without direction, or numbers that are not finite.
+    #[must_use]
+    pub fn of_linear_axes(axes: &[JointAxis], flange: Pose) -> Option<SerialArm> {
+        let arm = SerialArm::new(axes, flange, 0)?;
+        (axes.len() < AXES_MAX).then_some(SerialArm {
+            linear: true,
+            ..arm
+        })
+    }
+
+    /// Returns true if the axes are linear: joint positions are in m.
+    #[must_use]
+    pub const fn is_linear(&self) -> bool {
+        self.linear
     }
 
     /// Returns the axes, from the base to the flange; directions have length 1.
@@ -261,7 +280,7 @@ impl SerialArm {
                 columns.column_mut(redundant).fill(0.0);
             }
             let square = damping * here.residual * here.residual + DAMPING_MIN;
-            let Some(step) = damped_step(&columns, &here.error, square) else {
+            let Some(step) = damped_step(&columns, &here.error, square, self.step_max()) else {
                 damping *= 8.0;
                 continue;
             };
@@ -300,6 +319,11 @@ impl SerialArm {
         (redundant, start)
     }
 
+    /// Returns how far a joint moves in a step: the model of linear axes is exact.
+    fn step_max(&self) -> f64 {
+        if self.linear { f64::MAX } else { STEP_MAX_RAD }
+    }
+
     fn iterate(&self, joints: SVector<f64, AXES_MAX>, target: &Target) -> Iterate {
         let frames = self.frames(&joints);
         let error = target.error(&frames);
@@ -324,8 +348,12 @@ impl SerialArm {
             let (along, on) = (Vector3::from(axis.direction), Vector3::from(axis.point));
             *direction = rotation * along;
             *point = rotation * on + shift;
-            rotation *= turned_about(&along, libm::sincos(*joint));
-            shift = *point - rotation * on;
+            if self.linear {
+                shift += along * *joint;
+            } else {
+                rotation *= turned_about(&along, libm::sincos(*joint));
+                shift = *point - rotation * on;
+            }
         }
         frames.flange = rotation * Vector3::from(self.flange.position) + shift;
         frames.rotation = rotation * matrix(&self.flange.rotation_matrix());
@@ -336,8 +364,11 @@ impl SerialArm {
         let mut columns = Columns::zeros();
         let axes = frames.directions.iter().zip(&frames.points);
         for (mut column, (direction, point)) in columns.column_iter_mut().zip(axes) {
-            let linear = direction.cross(&(frames.flange - point));
-            let values = linear.iter().chain(direction.iter());
+            let (linear, angular) = match self.linear {
+                true => (*direction, Vector3::zeros()),
+                false => (direction.cross(&(frames.flange - point)), *direction),
+            };
+            let values = linear.iter().chain(angular.iter());
             for (place, value) in column.iter_mut().zip(values) {
                 *place = *value;
             }
@@ -354,7 +385,11 @@ impl SerialArm {
         let eigen = SymmetricEigen::try_new(square, f64::EPSILON, EIGEN_ITERATIONS)?;
         let mut values: [f64; 6] = eigen.eigenvalues.into();
         values.sort_unstable_by(f64::total_cmp);
-        let least = values.iter().rev().nth(self.count.min(6).checked_sub(1)?)?;
+        let most = if self.linear { 3 } else { 6 };
+        let least = values
+            .iter()
+            .rev()
+            .nth(self.count.min(most).checked_sub(1)?)?;
         Some(libm::sqrt(libm::fmax(*least, 0.0)).min(1.0))
     }
 }
@@ -374,12 +409,13 @@ impl Target {
     }
 }
 
-/// Returns the step of damped least squares, no joint further than [`STEP_MAX_RAD`]; `None` if rounding makes the
+/// Returns the step of damped least squares, no joint further than `step_max`; `None` if rounding makes the
 /// equations unsolvable. `square` is the squared damping.
 fn damped_step(
     columns: &Columns,
     error: &Vector6<f64>,
     square: f64,
+    step_max: f64,
 ) -> Option<SVector<f64, AXES_MAX>> {
     let mut normal = columns.tr_mul(columns);
     for index in 0..AXES_MAX {
@@ -389,8 +425,8 @@ fn damped_step(
     }
     let step = normal.cholesky()?.solve(&columns.tr_mul(error));
     let furthest = step.amax();
-    Some(if furthest > STEP_MAX_RAD {
-        step * (STEP_MAX_RAD / furthest)
+    Some(if furthest > step_max {
+        step * (step_max / furthest)
     } else {
         step
     })

@@ -183,6 +183,8 @@ pub enum UnitRule {
     PerSecond3(u8),
     /// The unit that the cell's configuration assigns to the channel.
     Channel,
+    /// The unit of a joint position of the device, per second to this power: rad, or m for linear axes.
+    Joint(u8),
     /// Given by the type (`Pose`, `Twist`, `Wrench`, `Rotation`), or none (`Bool`, `Int`).
     Typed,
 }

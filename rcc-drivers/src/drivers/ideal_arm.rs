@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::impedance::ControlMode;
-use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, Joints};
+use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
 use rcc_driver_kit::driver::{
@@ -38,6 +38,8 @@ pub struct IdealArm {
     /// Raw values; NaN = never written.
     analog: [f64; ANALOG_MAX + 1],
     released: bool,
+    /// The joints are linear axes: their torques are unknown.
+    linear: bool,
 }
 
 /// A channel and its address.
@@ -59,7 +61,7 @@ impl Driver for IdealArm {
         let period = settings.duration("period", Duration::from_millis(1))?;
         let position = settings.read(
             "start",
-            "a joint position inside of its range for each joint of the robot, such as [0, \"-30 deg\", 0.5] (rad, or with a unit)",
+            "a joint position inside of its range for each joint of the robot, such as [0, \"-30 deg\", 0.5] (rad, or m for linear axes, or with a unit)",
             Some(robot.nearest_to_zero()),
             |value| robot.positions(value),
         )?;
@@ -76,6 +78,7 @@ impl Driver for IdealArm {
             digital: [false; DIGITAL_MAX + 1],
             analog: [f64::NAN; ANALOG_MAX + 1],
             released: false,
+            linear: robot.arm.is_linear(),
         })
     }
 
@@ -129,6 +132,10 @@ impl IdealArm {
             position: self.position,
             ..Inputs::NONE
         };
+        if self.linear {
+            inputs.torque = [f64::NAN; JOINTS_MAX];
+            inputs.external_torque = [f64::NAN; JOINTS_MAX];
+        }
         let [digital, _, analog, _] = &self.points;
         for (point, bit) in digital.iter().zip(0..) {
             let on = self.digital.get(point.address).is_some_and(|on| *on);

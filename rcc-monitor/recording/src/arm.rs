@@ -26,7 +26,7 @@ pub struct ViewedArm {
     chain: ArmChain,
 }
 
-/// A joint: where it is in the frame of the link before it, and about which axis it turns.
+/// A joint: where it is in the frame of the link before it, and about which axis it turns, or along which it moves.
 #[derive(Clone, Copy, Debug)]
 struct ChainJoint {
     offset: [f64; 3],
@@ -154,15 +154,21 @@ impl ViewedArm {
         }
     }
 
-    /// Returns each frame of the arm at these joints (rad): its parent, its name, and its pose in the parent. The first is the
+    /// Returns each frame of the arm at these joints (rad; linear axes: m): its parent, its name, and its pose in the parent. The first is the
     /// base in `world`, the last the flange.
     #[must_use]
     pub fn frames(&self, joints: &Joints) -> Vec<(String, String, Pose)> {
         let mut frames = vec![("world".to_owned(), self.base_frame(), self.base)];
         for (index, (joint, position)) in self.chain.joints.iter().zip(joints).enumerate() {
-            let pose = Pose {
-                position: joint.offset,
-                orientation: rotation::exp(joint.axis.map(|x| x * (position + joint.zero))),
+            let pose = match self.arm.is_linear() {
+                true => Pose {
+                    position: vector::add(joint.offset, joint.axis.map(|x| x * position)),
+                    orientation: Pose::IDENTITY.orientation,
+                },
+                false => Pose {
+                    position: joint.offset,
+                    orientation: rotation::exp(joint.axis.map(|x| x * (position + joint.zero))),
+                },
             };
             frames.push((self.link_frame(index), self.link_frame(index + 1), pose));
         }
@@ -210,9 +216,13 @@ impl ViewedArm {
             orientation: rotation::exp(joint.axis.map(|x| x * joint.zero)),
         });
         let [ax, ay, az] = joint.axis;
+        let kind = match self.arm.is_linear() {
+            true => "prismatic",
+            false => "revolute",
+        };
         let column = |of: &Joints| of.get(index).copied().unwrap_or(0.0);
         format!(
-            "  <joint name=\"{}\" type=\"revolute\">\n    <parent link=\"{}\"/><child link=\"{}\"/>\n    <origin xyz=\"{x} {y} \
+            "  <joint name=\"{}\" type=\"{kind}\">\n    <parent link=\"{}\"/><child link=\"{}\"/>\n    <origin xyz=\"{x} {y} \
              {z}\" rpy=\"{roll} {pitch} {yaw}\"/><axis xyz=\"{ax} {ay} {az}\"/>\n    <limit lower=\"{}\" upper=\"{}\" velocity=\"{}\" \
              effort=\"0\"/>\n  </joint>\n",
             self.joint_name(index + 1),
@@ -268,7 +278,7 @@ mod tests {
     use super::*;
     use rcc_core::kinematics::{JointAxis, OrthoParallelArm, SrsArm};
 
-    fn arms() -> [Arm; 3] {
+    fn arms() -> [Arm; 4] {
         let axis = |point, direction| JointAxis { point, direction };
         let axes = [
             axis([0.0, 0.0, 0.2], [0.0, 0.0, 1.0]),
@@ -278,6 +288,7 @@ mod tests {
         let flange = Pose::from_xyz_rpy([0.7, 0.0, 0.3], [0.4, -0.3, 0.2]);
         [
             Arm::Serial(SerialArm::new(&axes, flange, 0).unwrap()),
+            Arm::Serial(SerialArm::of_linear_axes(&axes, flange).unwrap()),
             Arm::Srs(SrsArm {
                 shoulder_height: 0.31,
                 upper_arm: 0.4,

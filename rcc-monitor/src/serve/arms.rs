@@ -23,8 +23,10 @@ pub struct ArmModel {
     pub robot: String,
     /// Names of the joints.
     pub joints: Vec<String>,
-    /// Range of each joint, rad.
+    /// Range of each joint, rad; m for linear axes.
     pub ranges: Vec<[f64; 2]>,
+    /// The joints are linear axes.
+    pub linear: bool,
     arm: Arm,
     base: Pose,
 }
@@ -71,6 +73,7 @@ impl ArmModel {
                 .iter()
                 .map(|joint| [joint.lower_rad, joint.upper_rad])
                 .collect(),
+            linear: robot.arm.is_linear(),
             arm: robot.arm,
             base: device.base,
         })

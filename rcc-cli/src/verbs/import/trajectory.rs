@@ -73,6 +73,14 @@ pub(super) fn run(context: &Context, arguments: &Arguments) -> Result<(), Failur
             &Faults::new(name.as_str(), source, faults),
         )
     })?;
+    if robot.arm.is_linear() {
+        let message = format!(
+            "`{device}` has linear axes; a trajectory of ROS is imported for rotary joints only"
+        );
+        let help =
+            "write a net with JointMotion or MotionSequence, or name another device by --device";
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
+    }
     let order = JointOrder::of(&given, device, robot, &arguments.joints).map_err(|wrong| *wrong)?;
     let start = arguments.start.as_deref();
     if let Some(start) = start.filter(|start| start.len() != given.joints.len()) {

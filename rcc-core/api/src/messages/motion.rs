@@ -7,8 +7,17 @@ use rcc_core::path::{AfterUntilFault, LEGS_MAX, MotionFault, Quantity};
 
 use super::violation::angle;
 
-/// Describes why a leg of a motion is impossible, and the remedy; `joint_name` names joints, counted from 1.
-pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, String) {
+/// Describes why a leg of a motion is impossible, and the remedy; `joint_name` names joints, counted from 1. The joints are linear
+/// axes if `linear` is set.
+pub(super) fn motion(
+    fault: MotionFault,
+    joint_name: impl Fn(u32) -> String,
+    linear: bool,
+) -> (String, String) {
+    let joint_value = |value: f64, per: &str| match linear {
+        true => format!("{value:.6} m{per}"),
+        false => angle(value, per),
+    };
     let position = |fraction: f64| format!("at {:.0} % of its path", fraction * 100.0);
     let joint = |joint: u8| joint_name(u32::from(joint) + 1);
     match fault {
@@ -92,15 +101,15 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             format!(
                 "{} would be at {} {}, its limit is {}",
                 joint(which),
-                angle(value, ""),
+                joint_value(value, ""),
                 position(fraction),
-                angle(limit, "")
+                joint_value(limit, "")
             ),
             format!(
                 "{}for a `ptp`, choose another goal, `branch` or `turn`; for another path, start in another branch (use a `ptp` to \
                  joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
                 // No joint can turn twice around: such values are usually degrees.
-                if value.abs() > 4.0 * PI {
+                if value.abs() > 4.0 * PI && !linear {
                     "bare angles are in rad, write `deg(30)` for degrees; "
                 } else {
                     ""
@@ -134,7 +143,8 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             let per = ["/s", "/s²", "/s³"][usize::from(order.clamp(1, 3)) - 1];
             let quantity_text = |value: f64| match quantity {
                 Quantity::Line => format!("{value:.3} m{per}"),
-                Quantity::Turn | Quantity::Joint(_) => angle(value, per),
+                Quantity::Turn => angle(value, per),
+                Quantity::Joint(_) => joint_value(value, per),
             };
             let rest = match value > limit {
                 true => "",

@@ -10,7 +10,6 @@ use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule, SlowerMotion,
 };
 
-use super::violation::angle;
 use super::{NameResolver, impedance};
 use crate::bodies::{PeakView, RehearsalView};
 use crate::codes::{self, ErrorCode};
@@ -135,16 +134,16 @@ impl NameResolver<'_> {
         let exceeds = |what: &str, per: &str| {
             format!(
                 "{of}: {what} {} exceeds {}",
-                angle(value, per),
-                angle(limit, per)
+                self.joint_value(device, value, per),
+                self.joint_value(device, limit, per)
             )
         };
         match rule {
             RehearsalRule::NotFinite => format!("{of}: the set-point is not a finite number"),
             RehearsalRule::Position => format!(
                 "{of}: position {} is beyond the limit {}",
-                angle(value, ""),
-                angle(limit, "")
+                self.joint_value(device, value, ""),
+                self.joint_value(device, limit, "")
             ),
             RehearsalRule::Velocity => exceeds("velocity", "/s"),
             RehearsalRule::Acceleration => exceeds("acceleration", "/s²"),

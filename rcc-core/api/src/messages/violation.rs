@@ -23,8 +23,8 @@ impl NameResolver<'_> {
                 "{} joint {}: the first set-point is {} away from the last one (allowed {})",
                 self.device_name(device),
                 self.joint_name(device, joint),
-                angle(value, ""),
-                angle(limit, "")
+                self.joint_value(device, value, ""),
+                self.joint_value(device, limit, "")
             ),
             _ => self.violation(device, joint, value, limit, violation),
         };
@@ -34,6 +34,15 @@ impl NameResolver<'_> {
             "start at the currently commanded position and velocity, or hand over while the arm is commanded to be at rest"
                 .to_owned(),
         )
+    }
+
+    /// Formats a joint position of a device, or with `per` a rate: as an angle, or in m for linear axes.
+    pub(super) fn joint_value(&self, device: u32, value: f64, per: &str) -> String {
+        let robot = self.device(device).and_then(|device| device.robot.as_ref());
+        match robot.is_some_and(|robot| robot.arm.is_linear()) {
+            true => format!("{value:.6} m{per}"),
+            false => angle(value, per),
+        }
     }
 
     /// Describes a violation of a guard rule.
@@ -74,23 +83,23 @@ impl NameResolver<'_> {
             }
             Some(ViolationKind::Range) => format!(
                 "{what}: position {} is beyond the limit {}",
-                angle(value, ""),
-                angle(limit, "")
+                self.joint_value(device, value, ""),
+                self.joint_value(device, limit, "")
             ),
             Some(ViolationKind::Velocity) => format!(
                 "{what}: velocity {} exceeds {}",
-                angle(value, "/s"),
-                angle(limit, "/s")
+                self.joint_value(device, value, "/s"),
+                self.joint_value(device, limit, "/s")
             ),
             Some(ViolationKind::Acceleration) => format!(
                 "{what}: acceleration {} exceeds {}",
-                angle(value, "/s²"),
-                angle(limit, "/s²")
+                self.joint_value(device, value, "/s²"),
+                self.joint_value(device, limit, "/s²")
             ),
             Some(ViolationKind::Jump) | None => format!(
                 "{what}: the set-point is {} away from where the device is held (allowed {})",
-                angle(value, ""),
-                angle(limit, "")
+                self.joint_value(device, value, ""),
+                self.joint_value(device, limit, "")
             ),
         }
     }

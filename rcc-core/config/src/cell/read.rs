@@ -72,6 +72,9 @@ const DELAY_NS_MAX: u64 = 12_000 * MS;
 /// The remaining set-points are reserved for an executor that is early or a driver that is late.
 const DELAY_PERIODS_MAX: u64 = SET_POINTS as u64 - 4;
 const FIRST_TOLERANCE_RAD: f64 = std::f64::consts::PI / 180.0 * 0.1;
+/// The same for linear axes.
+const FIRST_TOLERANCE_M: f64 = 1e-3;
+const FIRST_TOLERANCE_M_MAX: f64 = 1e-2;
 const FIRST_TOLERANCE_RAD_MAX: f64 = std::f64::consts::PI / 180.0;
 /// Far beyond any machine; a missing core is detected when the thread is bound.
 const CORE_MAX: i64 = 4095;
@@ -383,7 +386,11 @@ impl CellFileReader<'_> {
             Some(node) => channels(&mut self.reader, node),
             None => Some(Vec::new()),
         };
-        let tolerance = self.first_tolerance(&fields);
+        let linear = robot
+            .as_ref()
+            .and_then(Option::as_ref)
+            .is_some_and(|robot| robot.arm.is_linear());
+        let tolerance = self.first_tolerance(&fields, linear);
         let base = base::read(&mut self.reader, &fields);
         let workspace = workspace::read(&mut self.reader, &fields);
         let timeout = self.timeout(
@@ -453,13 +460,17 @@ impl CellFileReader<'_> {
         self.json(node)
     }
 
-    fn first_tolerance(&mut self, device: &Fields<'_>) -> Option<f64> {
+    fn first_tolerance(&mut self, device: &Fields<'_>, linear: bool) -> Option<f64> {
+        let [default, most] = match linear {
+            true => [FIRST_TOLERANCE_M, FIRST_TOLERANCE_M_MAX],
+            false => [FIRST_TOLERANCE_RAD, FIRST_TOLERANCE_RAD_MAX],
+        };
         let Some(node) = device.get("first_tolerance") else {
-            return Some(FIRST_TOLERANCE_RAD);
+            return Some(default);
         };
         let wanted = QuantityRange {
-            most: FIRST_TOLERANCE_RAD_MAX,
-            ..QuantityRange::positive(Unit::RADIAN)
+            most,
+            ..QuantityRange::positive(Unit::of_joints(linear, 0))
         };
         self.reader.quantity(node, "first_tolerance", wanted)
     }

@@ -31,6 +31,7 @@ const KINEMATICS_KEYS: [&str; 13] = [
     "redundant_joint",
 ];
 const SERIAL_KEYS: [&str; 4] = ["type", "axes", "flange", "redundant_joint"];
+const LINEAR_KEYS: [&str; 3] = ["type", "axes", "flange"];
 const AXIS_KEYS: [&str; 2] = ["point", "direction"];
 const ORTHO_PARALLEL_KEYS: [&str; 10] = [
     "type",
@@ -93,12 +94,14 @@ enum KinematicsType {
     Srs,
     OrthoParallel,
     Serial,
+    Linear,
 }
 
-const KINEMATICS_TYPES: [(&str, KinematicsType); 3] = [
+const KINEMATICS_TYPES: [(&str, KinematicsType); 4] = [
     ("srs", KinematicsType::Srs),
     ("ortho-parallel", KinematicsType::OrthoParallel),
     ("serial", KinematicsType::Serial),
+    ("linear", KinematicsType::Linear),
 ];
 
 /// Reads the tree of a robot's file; `source` is the path of the file as written in the cell's file.
@@ -113,6 +116,14 @@ pub(crate) fn robot(reader: &mut ConfigReader, root: &Node, source: &str) -> Opt
     let place = fields.place_of("joints");
     let joints = joints.and_then(|node| self::joints(reader, node, place, arm.as_ref()));
     let place = fields.place_of("impedance");
+    let is_linear = arm.as_ref().is_some_and(Arm::is_linear);
+    for key in ["impedance", "dynamics"].into_iter().filter(|_| is_linear) {
+        if let Some(entry) = fields.entry(key) {
+            let message = format!("`{key}` has no meaning for linear axes");
+            reader.report(error(codes::KEY_OF_OTHER_KIND, entry.key.span, message));
+            return None;
+        }
+    }
     let impedance = match fields.get("impedance") {
         Some(node) => Some(self::impedance(reader, node, place)?),
         None => None,
@@ -142,6 +153,7 @@ fn kinematics(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Arm
         Some((_, KinematicsType::Srs)) => &SRS_KEYS,
         Some((_, KinematicsType::OrthoParallel)) => &ORTHO_PARALLEL_KEYS,
         Some((_, KinematicsType::Serial)) => &SERIAL_KEYS,
+        Some((_, KinematicsType::Linear)) => &LINEAR_KEYS,
         None => &KINEMATICS_KEYS,
     };
     let fields = reader.fields(node, place, "the kinematics", keys)?;
@@ -150,6 +162,7 @@ fn kinematics(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Arm
         KinematicsType::Srs => srs(reader, &fields).map(Arm::Srs),
         KinematicsType::OrthoParallel => ortho_parallel(reader, &fields).map(Arm::OrthoParallel),
         KinematicsType::Serial => serial(reader, &fields).map(Arm::Serial),
+        KinematicsType::Linear => linear(reader, &fields).map(Arm::Serial),
     }
 }
 
@@ -205,7 +218,7 @@ fn ortho_parallel(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<Orth
 fn serial(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<SerialArm> {
     let node = reader.require(fields, "axes");
     let place = node.map_or(fields.place_of("axes"), |node| node.span);
-    let axes = node.and_then(|node| axes(reader, node));
+    let axes = node.and_then(|node| axes(reader, node, AXES_MAX));
     reader.require(fields, "flange");
     let flange = fields.entry("flange");
     let flange = flange.and_then(|entry| base::pose(reader, entry, "the flange"));
@@ -237,11 +250,27 @@ fn serial(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<SerialArm> {
     arm
 }
 
-fn axes(reader: &mut ConfigReader, node: &Node) -> Option<Vec<JointAxis>> {
+/// Reads linear axes: at most one fewer than revolute ones, since none of them can be redundant.
+fn linear(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<SerialArm> {
+    let node = reader.require(fields, "axes");
+    let place = node.map_or(fields.place_of("axes"), |node| node.span);
+    let axes = node.and_then(|node| axes(reader, node, AXES_MAX - 1));
+    reader.require(fields, "flange");
+    let flange = fields.entry("flange");
+    let flange = flange.and_then(|entry| base::pose(reader, entry, "the flange"));
+    let arm = SerialArm::of_linear_axes(&axes?, flange?);
+    if arm.is_none() {
+        let message = "the axes do not make a machine: a number is too large";
+        reader.report(error(codes::OUT_OF_RANGE, place, message));
+    }
+    arm
+}
+
+fn axes(reader: &mut ConfigReader, node: &Node, most: usize) -> Option<Vec<JointAxis>> {
     let nodes = reader.list(node, "axes")?;
-    if nodes.is_empty() || nodes.len() > AXES_MAX {
+    if nodes.is_empty() || nodes.len() > most {
         let message = format!(
-            "axes has {}, but an arm has 1 to {AXES_MAX} axes",
+            "axes has {}, but an arm of this type has 1 to {most} axes",
             Counted::of(nodes.len(), "element")
         );
         reader.report(error(codes::WRONG_SHAPE, node.span, message));
@@ -259,7 +288,7 @@ fn axis(reader: &mut ConfigReader, node: &Node) -> Option<JointAxis> {
     let direction = base::three(reader, node, "direction", Unit::ONE)?;
     if direction.iter().map(|x| x * x).sum::<f64>().sqrt() < 1e-3 {
         let message = "direction is 0: the axis has no direction";
-        let help = "write the direction about which the joint turns, such as [0, 0, 1]";
+        let help = "write the direction about which the joint turns, or along which it moves, such as [0, 0, 1]";
         reader.report(error(codes::OUT_OF_RANGE, node.span, message).help(help));
         return None;
     }
@@ -363,6 +392,7 @@ fn joints(
         let kind = match arm {
             Arm::Srs(_) => "srs",
             Arm::OrthoParallel(_) => "ortho-parallel",
+            Arm::Serial(arm) if arm.is_linear() => "linear",
             Arm::Serial(_) => "serial",
         };
         let message = format!(
@@ -377,22 +407,29 @@ fn joints(
         let help = "list every joint once, from the base to the flange";
         reader.report(error(codes::JOINT_COUNT, place, message).help(help));
     }
-    let joints = entries.iter().filter_map(|entry| joint(reader, entry));
+    let linear = arm.is_some_and(Arm::is_linear);
+    let joints = entries
+        .iter()
+        .filter_map(|entry| joint(reader, entry, linear));
     Some(joints.collect())
 }
 
-fn joint(reader: &mut ConfigReader, Entry { key, value }: &Entry) -> Option<JointConfig> {
+fn joint(
+    reader: &mut ConfigReader,
+    Entry { key, value }: &Entry,
+    linear: bool,
+) -> Option<JointConfig> {
     let name = reader.key_name(key, "a joint", JOINT_NAME);
     let fields = reader.fields(value, key.span, "a joint", &JOINT_KEYS)?;
     let range = reader.require(&fields, "position");
-    let range = range.and_then(|node| reader.bounds(node, "position", Unit::RADIAN));
+    let range = range.and_then(|node| reader.bounds(node, "position", Unit::of_joints(linear, 0)));
     let mut rate = |key, unit| {
         let node = reader.require(&fields, key)?;
         reader.quantity(node, key, QuantityRange::positive(unit))
     };
-    let velocity = rate("velocity", Unit::RADIAN_PER_SECOND);
-    let acceleration = rate("acceleration", Unit::RADIAN_PER_SECOND2);
-    let jerk = rate("jerk", Unit::RADIAN_PER_SECOND3);
+    let velocity = rate("velocity", Unit::of_joints(linear, 1));
+    let acceleration = rate("acceleration", Unit::of_joints(linear, 2));
+    let jerk = rate("jerk", Unit::of_joints(linear, 3));
     let [lower_rad, upper_rad] = range?;
     Some(JointConfig {
         name: name?,

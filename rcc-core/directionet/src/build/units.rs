@@ -38,6 +38,8 @@ impl Conversion<'_, '_> {
         match port.unit {
             UnitRule::Is(unit) => unit,
             UnitRule::Channel => self.channel_unit(primitive).unwrap_or(Unit::ONE),
+            // The predecessor has arms of rotary joints only.
+            UnitRule::Joint(order) => Unit::of_joints(false, order),
             UnitRule::PerSecond(_) => Unit::HERTZ,
             UnitRule::PerSecond2(_) => Unit::HERTZ.per(Unit::SECOND),
             UnitRule::PerSecond3(_) => Unit::HERTZ.per(Unit::SECOND).per(Unit::SECOND),

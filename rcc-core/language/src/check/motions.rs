@@ -181,14 +181,25 @@ pub fn goals_are_within_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>)
             if (*lower..=*upper).contains(&value) {
                 continue;
             }
-            let [value, lower, upper] = [value, *lower, *upper].map(f64::to_degrees);
+            let (factor, unit, help) = match model.is_linear() {
+                true => (
+                    1.0,
+                    " m",
+                    "bare lengths are in m: write `300 mm` for millimetres",
+                ),
+                false => (
+                    1_f64.to_degrees(),
+                    "°",
+                    "bare angles are in rad: write `deg(30)` for degrees",
+                ),
+            };
+            let [value, lower, upper] = [value, *lower, *upper].map(|value| value * factor);
             let message = format!(
-                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, found {value:.3}°",
+                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}{unit} to {upper:.3}{unit}, found {value:.3}{unit}",
                 item.id()
             );
             let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, goal.span, message);
-            diagnostics
-                .push(diagnostic.help("bare angles are in rad: write `deg(30)` for degrees"));
+            diagnostics.push(diagnostic.help(help));
         }
     }
 }

@@ -3,6 +3,7 @@
 use rcc_config::diagnostic::NameSearch;
 use rcc_core::primitive::{PortType, Spec, UnitRule};
 use rcc_core::primitives::CATALOGUE;
+use rcc_core::unit::Unit;
 
 use crate::syntax::reference::Reference;
 
@@ -94,6 +95,10 @@ fn describe(spec: &Spec, output: &str) -> String {
     };
     match port.unit {
         UnitRule::Is(unit) => format!(" ({ty}, {unit})"),
+        UnitRule::Joint(order) => {
+            let [turning, linear] = [false, true].map(|linear| Unit::of_joints(linear, order));
+            format!(" ({ty}, {turning} or {linear})")
+        }
         _ => format!(" ({ty})"),
     }
 }

@@ -257,6 +257,7 @@ impl LinkedInputs {
     fn fits(&mut self, rule: UnitRule, unit: Unit) -> bool {
         match rule {
             UnitRule::Is(wanted) => wanted == unit,
+            UnitRule::Joint(order) => Unit::of_joints(false, order) == unit,
             UnitRule::Var(variable) => *self.units.entry(variable).or_insert(unit) == unit,
             UnitRule::Typed => true,
             _ => false,
@@ -274,6 +275,7 @@ fn unit_of(rule: UnitRule, units: &HashMap<u8, Unit>) -> Option<Unit> {
     let of = |variable: u8| units.get(&variable).copied().unwrap_or(Unit::ONE);
     match rule {
         UnitRule::Is(unit) => Some(unit),
+        UnitRule::Joint(order) => Some(Unit::of_joints(false, order)),
         UnitRule::Typed => Some(Unit::ONE),
         UnitRule::Var(a) => Some(of(a)),
         UnitRule::Product(a, b) => Some(of(a).times(of(b))),

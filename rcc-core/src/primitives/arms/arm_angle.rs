@@ -20,7 +20,7 @@ examples: &[Example::new("elbow up; a rotation of joint 1 changes neither", "{de
              [0, -0.5, 0, 1, 0, 0.3, 0] | 0 | 4\n\
              [1.1, -0.5, 0, 1, 0, 0.3, 0] | 0 | 4\n\
              null | null | null"),],
-inputs: &[Port::new("joints", PortType::Joints, UnitRule::Is(Unit::RADIAN), "joint positions, A1 first")],
+inputs: &[Port::new("joints", PortType::Joints, UnitRule::Joint(0), "joint positions, A1 first")],
 outputs: &[Port::real("angle", UnitRule::Is(Unit::RADIAN), "rotation of the elbow about the line from shoulder to wrist, 0 with the elbow up; for a serial arm of seven joints the position of its redundant joint"), Port::int("branch", "0 to 7; seven joints: bit 0 joint 2, bit 1 joint 4, bit 2 joint 6 is negative, in the model's directions; six joints: bit 0 the wrist is behind axis 1, bit 1 the forearm is bent backwards, bit 2 joint 5 is negative").within(0.0, 7.0).diagnostic()],
 parameters: &[Parameter::arm()],
         ..Spec::PLAIN

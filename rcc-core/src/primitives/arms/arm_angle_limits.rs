@@ -33,7 +33,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "hint",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint positions that give the branch, and the arm angle around which to search, A1 first",
             ),
         ],

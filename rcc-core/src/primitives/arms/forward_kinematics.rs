@@ -7,7 +7,6 @@ use crate::primitive::{
     operands,
 };
 use crate::types::{NULL_REAL, Type};
-use crate::unit::Unit;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -17,7 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::new(
             "joints",
             PortType::Joints,
-            UnitRule::Is(Unit::RADIAN),
+            UnitRule::Joint(0),
             "joint positions, A1 first",
         )],
         outputs: &[Port::typed("pose", Type::Pose, "flange in the arm's base")],

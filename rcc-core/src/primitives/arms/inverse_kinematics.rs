@@ -15,7 +15,6 @@ use crate::primitive::{
 };
 use crate::primitives::start;
 use crate::types::{NULL_INT, Type};
-use crate::unit::Unit;
 
 /// Description of the port with the reason for missing joints.
 pub(super) const REASON: &str = "why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse of a serial arm found none; null if the device is not an arm";
@@ -36,7 +35,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "joints",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint positions, A1 first, within the limits of the robot's configuration",
             ),
             Port::int("reason", REASON).within(0.0, 5.0).diagnostic(),

@@ -33,7 +33,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "hint",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint positions that determine the branch (of a serial arm: from which the numeric inverse starts), the angles that aligned axes leave open, and the choice among several turns, A1 first",
             ),
         ],
@@ -41,7 +41,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "joints",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint positions, A1 first, within the limits of the robot's configuration, by the turn nearest to the hint",
             ),
             Port::int("reason", REASON).within(0.0, 5.0).diagnostic(),

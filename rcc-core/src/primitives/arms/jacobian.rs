@@ -7,7 +7,6 @@ use crate::primitive::{
     UnitRule, operands,
 };
 use crate::types::NULL_REAL;
-use crate::unit::Unit;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -34,7 +33,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::new(
             "joints",
             PortType::Joints,
-            UnitRule::Is(Unit::RADIAN),
+            UnitRule::Joint(0),
             "joint positions, A1 first",
         )],
         outputs: &[Port::new(

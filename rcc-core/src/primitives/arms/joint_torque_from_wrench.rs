@@ -36,7 +36,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "joints",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint positions, A1 first",
             ),
             Port::typed(

@@ -6,7 +6,6 @@ use crate::primitive::{
     Step, UnitRule, operands,
 };
 use crate::types::Type;
-use crate::unit::Unit;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -35,13 +34,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "joints",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint positions, A1 first",
             ),
             Port::new(
                 "velocity",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                UnitRule::Joint(1),
                 "joint velocities, A1 first",
             ),
         ],

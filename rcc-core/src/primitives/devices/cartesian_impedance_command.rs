@@ -29,7 +29,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "position",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "joint set-point, A1 first; its flange pose is the equilibrium of the springs",
             ),
             axes(

@@ -8,7 +8,6 @@ use crate::primitive::{
     CatalogueEntry, Device, Kernel, Parameter, Port, PortType, Real, Role, Slot, Spec, Step,
     UnitRule, operands,
 };
-use crate::unit::Unit;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -19,7 +18,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::new(
             "position",
             PortType::Joints,
-            UnitRule::Is(Unit::RADIAN),
+            UnitRule::Joint(0),
             "joint set-point, A1 first",
         )],
         parameters: &[Parameter::arm()],

@@ -18,13 +18,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "position",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "measured joint positions, A1 first",
             ),
             Port::new(
                 "hold",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "set-point that the driver currently sends: a net's as it is played, or the driver's hold position",
             )
             .diagnostic(),

@@ -10,7 +10,6 @@ use crate::primitive::{
     Step, UnitRule, operands,
 };
 use crate::types::NULL_REAL;
-use crate::unit::Unit;
 
 /// Positions and set-points of the last exchange, and both velocities.
 const REALS: usize = 4 * JOINTS_MAX;
@@ -27,13 +26,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "velocity",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                UnitRule::Joint(1),
                 "velocity of the measured positions, A1 first",
             ),
             Port::new(
                 "commanded",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                UnitRule::Joint(1),
                 "velocity of the set-points that the driver sends",
             )
             .diagnostic(),

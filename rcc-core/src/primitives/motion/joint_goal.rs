@@ -19,11 +19,10 @@ use crate::primitive::{
 };
 use crate::primitives::start;
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
-use crate::unit::Unit;
 
 /// Optional limit for all joints.
-const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
-    let value = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Is(unit));
+const fn limit(name: &'static str, order: u8, doc: &'static str) -> Parameter {
+    let value = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Joint(order));
     Parameter::new(name, value, doc)
         .default(DefaultValue::Null)
         .above(0.0)
@@ -43,7 +42,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "goal",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "goal, A1 first; counts as null if an element is outside its joint's range",
             ),
             Port::real(
@@ -59,13 +58,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::new(
                 "position",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN),
+                UnitRule::Joint(0),
                 "set-point, A1 first",
             ),
             Port::new(
                 "velocity",
                 PortType::Joints,
-                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                UnitRule::Joint(1),
                 "there",
             )
             .diagnostic(),
@@ -85,17 +84,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .at_most(1.0),
             limit(
                 "velocity",
-                Unit::RADIAN_PER_SECOND,
+                1,
                 "velocity limit of every joint, if lower than the configured one",
             ),
             limit(
                 "acceleration",
-                Unit::RADIAN_PER_SECOND2,
+                2,
                 "acceleration limit of every joint, if lower than the configured one",
             ),
             limit(
                 "jerk",
-                Unit::RADIAN_PER_SECOND3,
+                3,
                 "jerk limit of every joint, if lower than the configured one",
             ),
             start::parameter(

@@ -13,7 +13,6 @@ use crate::primitive::{
     Prepare, Real, Role, Slot, Spec, UnitRule,
 };
 use crate::types::Type;
-use crate::unit::Unit;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -29,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::arm(),
             Parameter::new(
                 "to",
-                ParameterKind::Value(PortType::Joints, UnitRule::Is(Unit::RADIAN)),
+                ParameterKind::Value(PortType::Joints, UnitRule::Joint(0)),
                 "joint positions at the end, A1 first; alternative to `pose`",
             )
             .default(DefaultValue::Null),

@@ -41,7 +41,7 @@ pub(super) const OUTPUTS: [Port; 8] = [
     Port::new(
         "joints",
         PortType::Joints,
-        UnitRule::Is(Unit::RADIAN),
+        UnitRule::Joint(0),
         "set-point of the joints, A1 first: for JointPositionCommand",
     )
     .diagnostic(),

@@ -193,7 +193,7 @@ impl Axes {
         let mut joints = [0.0; JOINTS_MAX];
         let rows = self.settings.iter().zip(&self.drives);
         for (place, (settings, drive)) in joints.iter_mut().zip(rows) {
-            *place = settings.to_rad(of(drive));
+            *place = settings.to_position(of(drive));
         }
         joints
     }
@@ -245,8 +245,8 @@ impl Axes {
     fn follow(&mut self, position: &Joints) {
         let rows = || self.settings.iter().zip(&self.drives).zip(position);
         let fits = rows().all(|((settings, drive), position)| {
-            let hold = settings.to_rad(drive.target.unwrap_or(drive.actual));
-            let is_near = (position - hold).abs() <= settings.following_window_rad;
+            let hold = settings.to_position(drive.target.unwrap_or(drive.actual));
+            let is_near = (position - hold).abs() <= settings.following_window;
             position.is_finite() && (self.followed || is_near)
         });
         if !fits {

@@ -18,11 +18,13 @@ const CYCLIC_POSITION: i8 = 8;
 /// Options for a quick stop and for a fault: the quick stop ramp, then no torque.
 const QUICK_STOP_RAMP: i16 = 2;
 /// Keys of an axis, and their form.
-const FORM: &str = "{terminal: x_drive, counts_per_rad: 1000000, following_window: 0.02 rad}; optional: zero, following_timeout, \
-                    controlword, target, statusword, position, error_code";
-const KEYS: [&str; 10] = [
+const FORM: &str = "{terminal: x_drive, counts_per_rad: 1000000, following_window: 0.02 rad}; a linear axis: counts_per_metre: \
+                    1000000, following_window: 2 mm; optional: zero, following_timeout, controlword, target, statusword, position, \
+                    error_code";
+const KEYS: [&str; 11] = [
     "terminal",
     "counts_per_rad",
+    "counts_per_metre",
     "following_window",
     "following_timeout",
     "zero",
@@ -81,35 +83,35 @@ pub struct AxisSettings {
     pub terminal: String,
     /// Its values.
     pub place: DrivePlace,
-    /// Counts per rad; negative if the drive turns the other way.
-    pub counts_per_rad: f64,
-    /// Position of the joint at count 0, rad.
-    pub zero_rad: f64,
-    /// Window of the drive's following error, rad.
-    pub following_window_rad: f64,
+    /// Counts per rad, of a linear axis per m; negative if the drive turns the other way.
+    pub counts_per_unit: f64,
+    /// Position of the joint at count 0, rad or m.
+    pub zero: f64,
+    /// Window of the drive's following error, rad or m.
+    pub following_window: f64,
     /// Longest time outside of the window.
     pub following_timeout: Duration,
-    /// Deceleration of a quick stop, rad/s².
-    pub deceleration_rad_s2: f64,
+    /// Deceleration of a quick stop, rad/s² or m/s².
+    pub deceleration: f64,
 }
 
 impl AxisSettings {
-    /// Returns a joint position, rad, of counts.
+    /// Returns a joint position, rad or m, of counts.
     #[must_use]
-    pub fn to_rad(&self, counts: i32) -> f64 {
-        f64::from(counts) / self.counts_per_rad + self.zero_rad
+    pub fn to_position(&self, counts: i32) -> f64 {
+        f64::from(counts) / self.counts_per_unit + self.zero
     }
 
-    /// Returns the counts of a joint position, rad, rounded.
+    /// Returns the counts of a joint position, rad or m, rounded.
     #[must_use]
-    pub fn to_counts(&self, position_rad: f64) -> f64 {
-        ((position_rad - self.zero_rad) * self.counts_per_rad).round()
+    pub fn to_counts(&self, position: f64) -> f64 {
+        ((position - self.zero) * self.counts_per_unit).round()
     }
 
     /// Returns the objects that the drive needs before it is enabled; `period` is that of the exchanges.
     #[must_use]
     pub fn objects(&self, period: Duration) -> Vec<ObjectValue> {
-        let counts = |rad: f64| (rad * self.counts_per_rad).abs().round() as u32;
+        let counts = |value: f64| (value * self.counts_per_unit).abs().round() as u32;
         let timeout = u16::try_from(self.following_timeout.as_millis()).unwrap_or(u16::MAX);
         let (units, exponent) = interpolation(period).unwrap_or((1, -3));
         let object = |index, sub_index, value| ObjectValue {
@@ -121,13 +123,9 @@ impl AxisSettings {
             object(0x6060, 0, ObjectData::I8(CYCLIC_POSITION)),
             object(0x605a, 0, ObjectData::I16(QUICK_STOP_RAMP)),
             object(0x605e, 0, ObjectData::I16(QUICK_STOP_RAMP)),
-            object(
-                0x6065,
-                0,
-                ObjectData::U32(counts(self.following_window_rad)),
-            ),
+            object(0x6065, 0, ObjectData::U32(counts(self.following_window))),
             object(0x6066, 0, ObjectData::U16(timeout)),
-            object(0x6085, 0, ObjectData::U32(counts(self.deceleration_rad_s2))),
+            object(0x6085, 0, ObjectData::U32(counts(self.deceleration))),
             object(0x60c2, 1, ObjectData::U8(units)),
             object(0x60c2, 2, ObjectData::I8(exponent)),
         ]
@@ -189,9 +187,10 @@ pub fn read(
             device,
             joint: &joint.name,
             fields,
+            linear: robot.arm.is_linear(),
         };
         let axis = AxisSettings {
-            deceleration_rad_s2: joint.acceleration_rad_s2,
+            deceleration: joint.acceleration_rad_s2,
             ..reader.read(terminals)?
         };
         if let Some(other) = found.iter().find(|other| other.terminal == axis.terminal) {
@@ -201,11 +200,11 @@ pub fn read(
             );
             return Err(reader.fault(".terminal", cause, "a drive of its own for each joint"));
         }
-        let fits = |rad: f64| axis.to_counts(rad).abs() < f64::from(i32::MAX);
+        let fits = |position: f64| axis.to_counts(position).abs() < f64::from(i32::MAX);
         if ![joint.lower_rad, joint.upper_rad].into_iter().all(fits) {
             let cause = "the range of the joint has more counts than 32 bits hold".to_owned();
             let expected = "a resolution and a zero with which the whole range fits";
-            return Err(reader.fault(".counts_per_rad", cause, expected));
+            return Err(reader.fault(&format!(".{}", reader.counts_key()), cause, expected));
         }
         found.push(axis);
     }
@@ -217,9 +216,43 @@ struct AxisReader<'a> {
     device: &'a DeviceConfig,
     joint: &'a str,
     fields: &'a Map<String, Value>,
+    /// The joint is a linear axis.
+    linear: bool,
 }
 
 impl AxisReader<'_> {
+    fn counts_key(&self) -> &'static str {
+        match self.linear {
+            true => "counts_per_metre",
+            false => "counts_per_rad",
+        }
+    }
+
+    /// Reads the resolution; refuses that of the other kind of joint.
+    fn counts_per_unit(&self) -> Result<f64, DriverError> {
+        let (other, expected) = match self.linear {
+            true => (
+                "counts_per_rad",
+                "counts_per_metre: counts of the drive for 1 m of the axis; negative if it turns the other way",
+            ),
+            false => (
+                "counts_per_metre",
+                "counts_per_rad: counts of the drive for 1 rad of the joint; negative if it turns the other way",
+            ),
+        };
+        if self.fields.contains_key(other) {
+            let cause = match self.linear {
+                true => "this joint is a linear axis",
+                false => "this joint turns",
+            };
+            return Err(self.fault(&format!(".{other}"), cause.to_owned(), expected));
+        }
+        self.field(self.counts_key(), (expected, None), |value| {
+            let counts = value.as_f64()?;
+            (counts.is_finite() && counts.abs() >= 1.0).then_some(counts)
+        })
+    }
+
     fn fault(&self, key: &str, cause: String, expected: &'static str) -> DriverError {
         DriverError::Setting {
             device: self.device.name.clone(),
@@ -277,27 +310,25 @@ impl AxisReader<'_> {
             let cause = "this terminal is no drive".to_owned();
             return Err(self.fault(".terminal", cause, expected.0));
         }
-        let expected = (
-            "counts of the drive for 1 rad of the joint; negative if it turns the other way",
-            None,
-        );
-        let counts_per_rad = self.field("counts_per_rad", expected, |value| {
-            value
-                .as_f64()
-                .filter(|counts| counts.is_finite() && counts.abs() >= 1.0)
-        })?;
-        let window = ("a following error of the drive, such as \"0.02 rad\"", None);
-        let following_window_rad = self.quantity("following_window", window, Unit::RADIAN)?;
-        if following_window_rad <= 0.0
-            || (following_window_rad * counts_per_rad).abs() >= f64::from(u32::MAX)
+        let counts_per_unit = self.counts_per_unit()?;
+        let unit = Unit::of_joints(self.linear, 0);
+        let (window, zero) = match self.linear {
+            true => (
+                "a following error of the drive, such as \"2 mm\"",
+                "the position of the axis at count 0, such as \"100 mm\"",
+            ),
+            false => (
+                "a following error of the drive, such as \"0.02 rad\"",
+                "the position of the joint at count 0, such as \"0.1 rad\"",
+            ),
+        };
+        let following_window = self.quantity("following_window", (window, None), unit)?;
+        if following_window <= 0.0
+            || (following_window * counts_per_unit).abs() >= f64::from(u32::MAX)
         {
-            let cause = format!("invalid value {following_window_rad} rad");
-            return Err(self.fault(".following_window", cause, window.0));
+            let cause = format!("invalid value {following_window} {unit}");
+            return Err(self.fault(".following_window", cause, window));
         }
-        let zero = (
-            "the position of the joint at count 0, such as \"0.1 rad\"",
-            Some(0.0),
-        );
         let timeout = ("a time from 1 ms to 60 s, such as \"10 ms\"", Some(0.01));
         let timeout_s = self.quantity("following_timeout", timeout, Unit::SECOND)?;
         if !(1e-3..=60.0).contains(&timeout_s) {
@@ -330,11 +361,11 @@ impl AxisReader<'_> {
                 position: byte("position", Some(2))?,
                 error,
             },
-            counts_per_rad,
-            zero_rad: self.quantity("zero", zero, Unit::RADIAN)?,
-            following_window_rad,
+            counts_per_unit,
+            zero: self.quantity("zero", (zero, Some(0.0)), unit)?,
+            following_window,
             following_timeout: Duration::from_secs_f64(timeout_s),
-            deceleration_rad_s2: 0.0,
+            deceleration: 0.0,
         })
     }
 }

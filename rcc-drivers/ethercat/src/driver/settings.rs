@@ -95,7 +95,7 @@ impl EthercatSettings {
         let value = settings.read("terminals", listed, None, |value| {
             value.as_object().filter(|all| !all.is_empty()).cloned()
         })?;
-        let expected = "one axis for each joint of the robot, such as {joint_1: {terminal: x_drive, counts_per_rad: 1000000, following_window: 0.02 rad}}";
+        let expected = "one axis for each joint of the robot, such as {joint_1: {terminal: x_drive, counts_per_rad: 1000000, following_window: 0.02 rad}}; linear axes have counts_per_metre";
         let axes = settings.read("axes", expected, Some(Map::new()), |value| {
             let tables = |all: &&Map<String, Value>| all.values().all(Value::is_object);
             let found = value.as_object().filter(tables);

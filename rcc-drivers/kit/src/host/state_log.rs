@@ -2,7 +2,7 @@
 //! Run by the host's thread; a helper thread writes the event log.
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::guard::{Violation, axis};
+use rcc_core::guard::{LinearViolation, Violation, axis};
 use rcc_core::message::{DeviceState, Measurement};
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
@@ -25,6 +25,8 @@ pub struct StateLog {
     recorder: EventRecorder,
     reasons: &'static [Reason],
     analog_outputs: Vec<ChannelConfig>,
+    /// The joints are linear axes.
+    linear: bool,
     state: DeviceState,
     reason: u32,
     out_of_range: u64,
@@ -50,6 +52,7 @@ impl StateLog {
             recorder,
             reasons,
             analog_outputs: outputs.cloned().collect(),
+            linear: device.model().is_linear(),
             state: DeviceState::Offline,
             reason: 0,
             out_of_range: 0,
@@ -69,7 +72,7 @@ impl StateLog {
         if violations != self.violations {
             self.violations = violations;
             if let Some(violation) = session.violation() {
-                self.log(refused_event(violation));
+                self.log(refused_event(violation, self.linear));
             }
         }
         let out_of_range = session.out_of_range();
@@ -175,7 +178,7 @@ fn out_of_range_event(outputs: &[ChannelConfig], bits: u64, commanded: &[f64]) -
     }
 }
 
-fn refused_event(violation: &Violation) -> EventKind {
+fn refused_event(violation: &Violation, linear: bool) -> EventKind {
     let number = |value: f64| value.is_finite().then_some(value);
     let is_joint = !violation.kind.is_of_device() && axis(usize::from(violation.joint)).is_none();
     let joint = is_joint.then(|| u32::from(violation.joint) + 1);
@@ -183,8 +186,11 @@ fn refused_event(violation: &Violation) -> EventKind {
         joint: joint.unwrap_or(0),
         value: number(violation.value),
         limit: number(violation.limit),
-        unit: violation.unit().to_owned(),
-        words: violation.to_string(),
+        unit: violation.unit_of(linear).to_owned(),
+        words: match linear {
+            true => LinearViolation(*violation).to_string(),
+            false => violation.to_string(),
+        },
     }
 }
 
@@ -241,7 +247,7 @@ mod tests {
             limit,
             unit,
             words,
-        } = refused_event(&violation)
+        } = refused_event(&violation, false)
         else {
             panic!("a refusal");
         };

@@ -25,11 +25,11 @@ fn axis(terminal: usize) -> AxisSettings {
             position: 2,
             error: Some(6),
         },
-        counts_per_rad: COUNTS_PER_RAD,
-        zero_rad: 0.5,
-        following_window_rad: 0.01,
+        counts_per_unit: COUNTS_PER_RAD,
+        zero: 0.5,
+        following_window: 0.01,
         following_timeout: 10 * PERIOD,
-        deceleration_rad_s2: 10.0,
+        deceleration: 10.0,
     }
 }
 

@@ -81,12 +81,13 @@ function updateArm(card, arm) {
   card.classList.toggle("trouble", old);
   [...card.querySelectorAll("tbody tr")].forEach((row, index) => {
     const [low, high] = arm.about.ranges[index], joint = arm.now.joints[index];
-    setText(row.children[1], `${degrees(joint)}°`);
+    setText(row.children[1], arm.about.linear ? `${joint.toFixed(4)} m` : `${degrees(joint)}°`);
     const share = (joint - low) / (high - low);
     const mark = row.querySelector("i");
     mark.style.left = `calc(8px + ${Math.max(0, Math.min(1, share))} * (100% - 16px))`;
     mark.className = share < 0.05 || share > 0.95 ? "near" : "";
-    row.title = `${(low * 180 / Math.PI).toFixed(0)}° to ${(high * 180 / Math.PI).toFixed(0)}°`;
+    const bound = (value) => arm.about.linear ? `${value.toFixed(3)} m` : `${(value * 180 / Math.PI).toFixed(0)}°`;
+    row.title = `${bound(low)} to ${bound(high)}`;
   });
   const [x, y, z] = arm.now.flange.position;
   setText(card.querySelector(".facts"), `flange  x ${x.toFixed(4)}  y ${y.toFixed(4)}  z ${z.toFixed(4)} m`);
