@@ -235,7 +235,7 @@ impl Server {
     fn arm_names(&self) -> Value {
         let arms = locked(&self.hub.arms);
         let rows = arms.models.iter().map(|arm| {
-            json!({"device": arm.device, "robot": arm.robot, "joints": arm.joints, "ranges": arm.ranges})
+            json!({"device": arm.device, "robot": arm.robot, "joints": arm.joints, "ranges": arm.ranges, "linear": arm.linear})
         });
         rows.collect()
     }
