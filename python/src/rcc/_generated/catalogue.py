@@ -235,7 +235,7 @@ class CircularMotion(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: set-point of the joints, A1 first: for JointPositionCommand"""
+        """Real[joints] [rad or m]: set-point of the joints, A1 first: for JointPositionCommand"""
         return self['joints']
 
     @property
@@ -761,7 +761,7 @@ class InverseKinematics(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: joint positions, A1 first, within the limits of the robot's configuration"""
+        """Real[joints] [rad or m]: joint positions, A1 first, within the limits of the robot's configuration"""
         return self['joints']
 
     @property
@@ -780,7 +780,7 @@ class InverseKinematicsNear(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: joint positions, A1 first, within the limits of the robot's configuration, by the turn nearest to the hint"""
+        """Real[joints] [rad or m]: joint positions, A1 first, within the limits of the robot's configuration, by the turn nearest to the hint"""
         return self['joints']
 
     @property
@@ -799,7 +799,7 @@ class InverseVelocityKinematics(Block):
 
     @property
     def velocity(self) -> Port:
-        """Real[joints] [rad/s]: joint velocities, A1 first; not limited here: the guard checks limits"""
+        """Real[joints] [rad/s or m/s]: joint velocities, A1 first; not limited here: the guard checks limits"""
         return self['velocity']
 
 
@@ -835,12 +835,12 @@ class JointGoal(Block):
 
     @property
     def position(self) -> Port:
-        """Real[joints] [rad]: set-point, A1 first"""
+        """Real[joints] [rad or m]: set-point, A1 first"""
         return self['position']
 
     @property
     def velocity(self) -> Port:
-        """Real[joints] [rad/s]: there"""
+        """Real[joints] [rad/s or m/s]: there"""
         return self['velocity']
 
     @property
@@ -863,7 +863,7 @@ class JointMotion(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: set-point of the joints, A1 first: for JointPositionCommand"""
+        """Real[joints] [rad or m]: set-point of the joints, A1 first: for JointPositionCommand"""
         return self['joints']
 
     @property
@@ -911,12 +911,12 @@ class JointState(Block):
 
     @property
     def position(self) -> Port:
-        """Real[joints] [rad]: measured joint positions, A1 first"""
+        """Real[joints] [rad or m]: measured joint positions, A1 first"""
         return self['position']
 
     @property
     def hold(self) -> Port:
-        """Real[joints] [rad]: set-point that the driver currently sends: a net's as it is played, or the driver's hold position"""
+        """Real[joints] [rad or m]: set-point that the driver currently sends: a net's as it is played, or the driver's hold position"""
         return self['hold']
 
     @property
@@ -944,12 +944,12 @@ class JointVelocity(Block):
 
     @property
     def velocity(self) -> Port:
-        """Real[joints] [rad/s]: velocity of the measured positions, A1 first"""
+        """Real[joints] [rad/s or m/s]: velocity of the measured positions, A1 first"""
         return self['velocity']
 
     @property
     def commanded(self) -> Port:
-        """Real[joints] [rad/s]: velocity of the set-points that the driver sends"""
+        """Real[joints] [rad/s or m/s]: velocity of the set-points that the driver sends"""
         return self['commanded']
 
 
@@ -1003,7 +1003,7 @@ class LinearMotion(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: set-point of the joints, A1 first: for JointPositionCommand"""
+        """Real[joints] [rad or m]: set-point of the joints, A1 first: for JointPositionCommand"""
         return self['joints']
 
     @property
@@ -1204,7 +1204,7 @@ class MotionSequence(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: set-point of the joints, A1 first: for JointPositionCommand"""
+        """Real[joints] [rad or m]: set-point of the joints, A1 first: for JointPositionCommand"""
         return self['joints']
 
     @property
@@ -1884,7 +1884,7 @@ class SplineMotion(Block):
 
     @property
     def joints(self) -> Port:
-        """Real[joints] [rad]: set-point of the joints, A1 first: for JointPositionCommand"""
+        """Real[joints] [rad or m]: set-point of the joints, A1 first: for JointPositionCommand"""
         return self['joints']
 
     @property
@@ -2548,7 +2548,7 @@ class Primitives(Base):
         """The arm angle and the branch of joint positions; together with the flange pose they determine the joint positions.
 
         device: device with an arm: name of an arm in the cell's configuration
-        joints: Real[joints] [rad]: joint positions, A1 first
+        joints: Real[joints] [rad or m]: joint positions, A1 first
         name: name in the net; default `armangle` with a number
         """
         return self._add(ArmAngle, name, {'device': device}, {'joints': joints})
@@ -2565,7 +2565,7 @@ class Primitives(Base):
 
         device: device with an arm: name of an arm in the cell's configuration
         pose: Pose: flange in the arm's base
-        hint: Real[joints] [rad]: joint positions that give the branch, and the arm angle around which to search, A1 first
+        hint: Real[joints] [rad or m]: joint positions that give the branch, and the arm angle around which to search, A1 first
         name: name in the net; default `armanglelimits` with a number
         """
         return self._add(ArmAngleLimits, name, {'device': device}, {'pose': pose, 'hint': hint})
@@ -2726,7 +2726,7 @@ class Primitives(Base):
         """Commands an arm under Cartesian impedance control, a unique resource of this net: springs along and about the axes of the task frame hold the tool at the pose of `position`, and `wrench` is applied in addition.
 
         device: device with an arm: name of an arm in the cell's configuration
-        position: Real[joints] [rad]: joint set-point, A1 first; its flange pose is the equilibrium of the springs
+        position: Real[joints] [rad or m]: joint set-point, A1 first; its flange pose is the equilibrium of the springs
         stiffness: Vector3 [kg/s^2]: along x, y, z of the task frame
         rotational_stiffness: Vector3 [m^2*kg/s^2/rad]: about x, y, z of the task frame
         damping: Vector3 [1]: damping ratio along x, y, z; default 0.7
@@ -3266,7 +3266,7 @@ class Primitives(Base):
         """The flange pose for joint positions.
 
         device: device with an arm: name of an arm in the cell's configuration
-        joints: Real[joints] [rad]: joint positions, A1 first
+        joints: Real[joints] [rad or m]: joint positions, A1 first
         name: name in the net; default `forwardkinematics` with a number
         """
         return self._add(ForwardKinematics, name, {'device': device}, {'joints': joints})
@@ -3504,7 +3504,7 @@ class Primitives(Base):
         device: device with an arm: name of an arm in the cell's configuration
         pose: Pose: flange in the arm's base
         arm_angle: Real [rad]: rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle (for a serial arm of seven joints the position of its redundant joint); ignored for an arm that has none
-        hint: Real[joints] [rad]: joint positions that determine the branch (of a serial arm: from which the numeric inverse starts), the angles that aligned axes leave open, and the choice among several turns, A1 first
+        hint: Real[joints] [rad or m]: joint positions that determine the branch (of a serial arm: from which the numeric inverse starts), the angles that aligned axes leave open, and the choice among several turns, A1 first
         name: name in the net; default `inversekinematicsnear` with a number
         """
         return self._add(InverseKinematicsNear, name, {'device': device}, {'pose': pose, 'arm_angle': arm_angle, 'hint': hint})
@@ -3522,7 +3522,7 @@ class Primitives(Base):
 
         device: device with an arm: name of an arm in the cell's configuration
         damping: Real [1]: λ: 0 is exact but unbounded near singularities; 0.05 follows within 1 % where the smallest singular value is above 0.5, and no joint exceeds 1/(2 λ) times the twist
-        joints: Real[joints] [rad]: joint positions, A1 first
+        joints: Real[joints] [rad or m]: joint positions, A1 first
         twist: Twist: desired twist of the flange, axes of the base, reference point the origin of the flange
         name: name in the net; default `inversevelocitykinematics` with a number
         """
@@ -3564,7 +3564,7 @@ class Primitives(Base):
         """The geometric Jacobian at joint positions: the twist of the flange per joint velocity.
 
         device: device with an arm: name of an arm in the cell's configuration
-        joints: Real[joints] [rad]: joint positions, A1 first
+        joints: Real[joints] [rad or m]: joint positions, A1 first
         name: name in the net; default `jacobian` with a number
         """
         return self._add(Jacobian, name, {'device': device}, {'joints': joints})
@@ -3587,11 +3587,11 @@ class Primitives(Base):
 
         device: device with an arm: name of an arm in the cell's configuration
         scale: Real [1]: fraction of the velocity, acceleration and jerk limits of the robot's configuration to use; default 1
-        velocity: Real [rad/s]: velocity limit of every joint, if lower than the configured one; default null
-        acceleration: Real [rad/s^2]: acceleration limit of every joint, if lower than the configured one; default null
-        jerk: Real [rad/s^3]: jerk limit of every joint, if lower than the configured one; default null
+        velocity: Real [rad/s or m/s]: velocity limit of every joint, if lower than the configured one; default null
+        acceleration: Real [rad/s^2 or m/s^2]: acceleration limit of every joint, if lower than the configured one; default null
+        jerk: Real [rad/s^3 or m/s^3]: jerk limit of every joint, if lower than the configured one; default null
         start: hold, continue: hold: begins at rest where the arm is held at LOAD or START; continue: begins from position, velocity and acceleration that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held; default hold
-        goal: Real[joints] [rad]: goal, A1 first; counts as null if an element is outside its joint's range
+        goal: Real[joints] [rad or m]: goal, A1 first; counts as null if an element is outside its joint's range
         speed: Real [1]: fraction of the velocity limit to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop); default 1
         stop: Bool: while true, all joints brake to rest and stay there; afterwards they continue; default false
         name: name in the net; default `jointgoal` with a number
@@ -3637,7 +3637,7 @@ class Primitives(Base):
         """Point-to-point motion: all joints together, jerk-limited, to joint positions or to a flange pose.
 
         device: device with an arm: name of an arm in the cell's configuration
-        to: Real[joints] [rad]: joint positions at the end, A1 first; alternative to `pose`; default null
+        to: Real[joints] [rad or m]: joint positions at the end, A1 first; alternative to `pose`; default null
         pose: Pose: flange at the end, in the arm's base; alternative to `to`; default null
         branch: Int: with `pose`: branch at the end, 0 to 7 (bit 0 shoulder, 1 elbow, 2 wrist); if omitted, the one reached soonest; default null
         status: Int: with `pose`: KUKA's Status of a 6-axis arm; bits 0 to 2 give the branch; default null
@@ -3660,7 +3660,7 @@ class Primitives(Base):
         """Commands the joint positions of an arm, a unique resource of this net.
 
         device: device with an arm: name of an arm in the cell's configuration
-        position: Real[joints] [rad]: joint set-point, A1 first
+        position: Real[joints] [rad or m]: joint set-point, A1 first
         name: name in the net; default `jointpositioncommand` with a number
         """
         return self._add(JointPositionCommand, name, {'device': device}, {'position': position})
@@ -3689,7 +3689,7 @@ class Primitives(Base):
         """The static joint torques for a wrench that the flange exerts, at joint positions.
 
         device: device with an arm: name of an arm in the cell's configuration
-        joints: Real[joints] [rad]: joint positions, A1 first
+        joints: Real[joints] [rad or m]: joint positions, A1 first
         wrench: Wrench: exerted by the flange, axes of the base, reference point the origin of the flange
         name: name in the net; default `jointtorquefromwrench` with a number
         """
@@ -5529,8 +5529,8 @@ class Primitives(Base):
         """The twist of the flange for joint velocities at joint positions.
 
         device: device with an arm: name of an arm in the cell's configuration
-        joints: Real[joints] [rad]: joint positions, A1 first
-        velocity: Real[joints] [rad/s]: joint velocities, A1 first
+        joints: Real[joints] [rad or m]: joint positions, A1 first
+        velocity: Real[joints] [rad/s or m/s]: joint velocities, A1 first
         name: name in the net; default `velocitykinematics` with a number
         """
         return self._add(VelocityKinematics, name, {'device': device}, {'joints': joints, 'velocity': velocity})
