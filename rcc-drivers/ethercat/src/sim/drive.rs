@@ -78,6 +78,8 @@ pub struct Drive {
     speed: f64,
     /// Target position, counts.
     target: i32,
+    /// Speed with which the axis moves to its target, counts/s.
+    approach: f64,
     /// Last controlword.
     control: u16,
     error: u16,
@@ -99,6 +101,7 @@ impl Drive {
             actual: f64::from(actual),
             speed: 0.0,
             target: actual,
+            approach: 0.0,
             control: 0,
             error: 0,
             now: Duration::ZERO,
@@ -165,6 +168,9 @@ impl Drive {
         let risen = word & !self.control;
         self.control = word;
         self.target = target;
+        // At its last speed the axis would begin a quick stop, so it must be that of the motion and not of a step.
+        let way = (f64::from(target) - self.actual).abs();
+        self.approach = (way / settings.interpolation_s).min(f64::from(settings.speed_max));
         let on = |bit: u16| word & bit != 0;
         let voltage = on(control::ENABLE_VOLTAGE);
         let quick_stop = voltage && !on(control::NO_QUICK_STOP);
@@ -263,7 +269,7 @@ impl Drive {
         let dt_s = passed.as_secs_f64();
         match self.state {
             DriveState::OperationEnabled => {
-                let most = f64::from(settings.speed_max) * dt_s;
+                let most = self.approach * dt_s;
                 let way = f64::from(self.target) - self.actual;
                 self.move_by(way.clamp(-most, most), dt_s);
                 self.supervise(passed, settings);

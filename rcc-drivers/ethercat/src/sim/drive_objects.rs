@@ -33,7 +33,7 @@ const SETTINGS: &[Setting] = &[
 ];
 
 /// What the axis needs of the settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveSettings {
     /// Mode of operation.
     pub mode: i8,
@@ -45,6 +45,8 @@ pub struct DriveSettings {
     pub quick_stop_deceleration: u32,
     /// Largest speed, counts/s.
     pub speed_max: u32,
+    /// Time in which a target is reached, s: the interval between two of them.
+    pub interpolation_s: f64,
 }
 
 impl DriveSettings {
@@ -56,7 +58,11 @@ impl DriveSettings {
             let place = |(at, byte): (usize, &u8)| u32::from(*byte) << (8 * at);
             bytes.iter().take(4).enumerate().map(place).sum::<u32>()
         };
+        let byte = |part| objects.read(0x60c2, part).ok()?.first().copied();
+        let [units, exponent] = [1, 2].map(|part| byte(part).unwrap_or(0));
+        let interpolation_s = f64::from(units) * 10.0_f64.powi(i32::from(exponent.cast_signed()));
         DriveSettings {
+            interpolation_s,
             mode: (number(0x6060) as u8).cast_signed(),
             following_window: number(0x6065),
             following_timeout: Duration::from_millis(u64::from(number(0x6066))),

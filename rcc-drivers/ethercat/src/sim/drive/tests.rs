@@ -16,6 +16,7 @@ fn settings() -> DriveSettings {
         following_timeout: 5 * MS,
         quick_stop_deceleration: 1_000_000,
         speed_max: 500_000,
+        interpolation_s: 1e-3,
     }
 }
 
@@ -146,6 +147,21 @@ fn lost_communication_brakes_an_enabled_axis_and_is_a_fault() {
     let mut drive = Drive::new(0);
     drive.lose_communication();
     assert_eq!((drive.state(), drive.error()), (SwitchOnDisabled, 0));
+}
+
+/// Between two targets, too, the axis has the speed of the motion: time passes in parts of a millisecond.
+#[test]
+fn communication_lost_just_after_a_target_brakes_from_the_speed_of_the_motion() {
+    let mut drive = enabled();
+    run(&mut drive, 1, 100);
+    drive.command(0x0f, 10_000, &settings());
+    drive.advance(99 * MS + MS / 100, &settings());
+    drive.lose_communication();
+    drive.advance(400 * MS, &settings());
+    assert_eq!(drive.state(), Fault);
+    // 100,000 counts/s, 1,000,000 counts/s²: 5000 counts.
+    let ramp = drive.position() - 9_901;
+    assert!((ramp - 5000).abs() < 60, "{ramp}");
 }
 
 #[test]
