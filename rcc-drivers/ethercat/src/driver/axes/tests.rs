@@ -64,6 +64,7 @@ impl Bench {
             following_timeout: 10 * PERIOD,
             quick_stop_deceleration: 10_000_000,
             speed_max: 5_000_000,
+            interpolation_s: 1e-3,
         }
     }
 
