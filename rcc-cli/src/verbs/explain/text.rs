@@ -67,7 +67,8 @@ fn motions(it: &Explanation) -> String {
             section.time_scaling.to_owned(),
         ]);
     }
-    format!("{rows}\nplanned in {}", time(motions.planning_ns))
+    let (rows, planning) = (table::text(&rows), time(motions.planning_ns));
+    format!("{rows}\nplanned in {planning}")
 }
 
 fn percent(ns: f64, of: u64) -> String {
@@ -349,8 +350,7 @@ mod tests {
             "1      0    p1         Add (Real)  1.5 ns  out Real m  `lwr` is lost: ft",
             "critical path: 3 primitives, 3.0 ns: p0 → p1 → p2",
             "null at `robot.position` (`lwr` is lost: ft → p1): no command",
-            "move    1 to 3  1.250 s  time-optimal",
-            "planned in 21.0 ms",
+            "\nmove    1 to 3  1.250 s  time-optimal\nplanned in 21.0 ms",
             "400.0 µs left; the most expensive one is other#1 (100.0 µs)",
         ] {
             assert!(text.contains(part), "{part}\n{text}");
