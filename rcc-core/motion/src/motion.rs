@@ -155,6 +155,11 @@ impl Motion {
         {
             return state;
         }
+        self.follow_section(speed_override)
+    }
+
+    /// One cycle of the clock of the present section.
+    fn follow_section(&mut self, speed_override: SpeedOverride) -> (PathState, PathPoint) {
         let Some(section) = self.sections.get(self.section) else {
             let path = PathState::default();
             return (path, self.planned_path.at(path.s));

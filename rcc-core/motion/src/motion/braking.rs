@@ -8,7 +8,7 @@
 use rcc_core::axis::AxisState;
 use rcc_core::path::{PathState, SpeedOverride};
 
-use super::{Braking, Motion, rest};
+use super::{Braking, Motion};
 use crate::path_clock::PathClock;
 use crate::planned_path::speed_limits::BrakingLimits;
 use crate::planned_path::{LawStops, MotionSection, PathPoint};
@@ -48,7 +48,7 @@ impl Motion {
         let stops = section.stops.as_ref()?;
         if self.braking.is_none() {
             match self.stop_beginning(section, stops)? {
-                StopBeginning::Later => return Some(self.step_law()),
+                StopBeginning::Later => return Some(self.follow_section(SpeedOverride::RUN)),
                 StopBeginning::Now(stop, state) => {
                     let clock_value = begin + self.clock.last().s;
                     self.braking = Some(Braking { clock_value, stop });
@@ -67,24 +67,6 @@ impl Motion {
             ..path_state
         };
         Some((path, self.planned_path.at_path_parameter(s)))
-    }
-
-    /// One cycle on the law.
-    fn step_law(&mut self) -> (PathState, PathPoint) {
-        let Some(section) = self.sections.get(self.section) else {
-            let path = PathState::default();
-            return (path, self.planned_path.at(path.s));
-        };
-        self.clock
-            .start_rolling(&section.bounds, SpeedOverride::RUN);
-        let mut path = self.clock.step(&section.bounds, SpeedOverride::RUN);
-        if path.s >= section.length {
-            path = rest(path, section.length);
-        }
-        let next = self.sections.get(self.section + 1);
-        let end = next.map_or(self.length, |next| next.begin);
-        path.s = (path.s + section.begin).min(end);
-        (path, self.planned_path.at(path.s))
     }
 
     /// The shortest stop, if there is one.

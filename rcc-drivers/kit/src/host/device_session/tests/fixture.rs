@@ -144,6 +144,14 @@ impl SessionFixture {
         motion.iter().for_each(|q| self.both(at(owner, *q)));
     }
 
+    /// Runs the executor without the device: a motion of `owner`.
+    pub(super) fn executor_alone(&mut self, owner: u64, motion: &[f64]) {
+        for q in motion {
+            self.now_ns += MS;
+            self.write(at(owner, *q));
+        }
+    }
+
     /// Returns the largest velocity, acceleration and jerk of joint 1 in what was sent, by finite differences.
     pub(super) fn peaks(&self) -> [f64; 3] {
         let mut rows: Vec<f64> = self.sent.iter().map(|(_, q)| q[0]).collect();

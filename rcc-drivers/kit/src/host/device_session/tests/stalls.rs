@@ -76,10 +76,7 @@ fn set_points_missed_in_a_stall_are_played_at_once_if_the_device_has_continued()
     let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..1000]);
-    for q in &points[1000..1039] {
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-    }
+    fixture.executor_alone(1, &points[1000..1039]);
     fixture.device.ticks = 40;
     fixture.run(1, &points[1039..=1039]);
     fixture.device.ticks = 1;
@@ -94,10 +91,7 @@ fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
     let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..1000]);
-    for q in &points[1000..1060] {
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-    }
+    fixture.executor_alone(1, &points[1000..1060]);
     fixture.run(1, &points[1060..1100]);
     assert_eq!(fixture.session.reason(), reason::SET_POINTS_LOST);
     fixture.check_peaks();
@@ -124,11 +118,8 @@ fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
     let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..700]);
-    for q in &points[700..704] {
-        // The device stands still for 4 ms; the executor does not.
-        fixture.now_ns += MS;
-        fixture.write(at(1, *q));
-    }
+    // The device stands still for 4 ms; the executor does not.
+    fixture.executor_alone(1, &points[700..704]);
     fixture.run(1, &points[704..720]);
     assert_eq!(fixture.session.margin(), DELAY + 4);
     fixture.run(1, &points[720..1200]);
