@@ -23,7 +23,7 @@ const LINGER: Duration = Duration::from_secs(5);
 /// Id of the status that says what is wrong with the cell.
 const STATUS: &str = "cell";
 
-/// What is read.
+/// Options of the thread that reads the cell.
 #[derive(Clone, Debug)]
 pub struct CellOptions {
     /// Name of the cell.

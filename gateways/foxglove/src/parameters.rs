@@ -6,8 +6,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use rcc_api::bodies::{CommandDetail, CommandView, InputsSet, ValuesView};
 use rcc_api::codes::UNKNOWN_COMMAND;
-use rcc_client::{LoaderClient, RequestError, segment};
-use serde::Deserialize;
+use rcc_client::{LoaderClient, RequestError};
 use serde_json::{Map, Value};
 
 use crate::protocol::Parameter;
@@ -25,20 +24,6 @@ pub enum ParameterError {
     /// The loader refuses, or does not answer.
     #[error(transparent)]
     Loader(#[from] RequestError),
-}
-
-/// Names of the inputs of a net; other fields are ignored.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default)]
-struct NetInputs {
-    inputs: Vec<InputName>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-struct InputName {
-    primitive: String,
-    #[serde(default)]
-    topic: Option<String>,
 }
 
 /// Reads and sets parameters.
@@ -96,13 +81,10 @@ impl Parameters {
             Entry::Occupied(known) => Ok(known.into_mut()),
             Entry::Vacant(place) => {
                 let detail: CommandDetail = loader.get(&format!("/commands/{}", key.0))?;
-                // A loader that has just been restarted knows the command before its names.
-                let Ok(names) = serde_json::from_value::<NetInputs>(detail.names) else {
-                    return Ok(&[]);
-                };
-                // Inputs that are subscribed to a topic get their value from another net.
-                let settable = names.inputs.into_iter().filter(|one| one.topic.is_none());
-                Ok(place.insert(settable.map(|one| one.primitive).collect()))
+                match detail.settable_inputs() {
+                    Some(inputs) => Ok(place.insert(inputs)),
+                    None => Ok(&[]),
+                }
             }
         }
     }
@@ -123,10 +105,9 @@ impl Parameters {
         for (id, inputs) in wanted {
             let ports: Vec<String> = inputs
                 .iter()
-                .map(|(_, input)| segment(&format!("{input}.value")))
+                .map(|(_, input)| format!("{input}.value"))
                 .collect();
-            let path = format!("/commands/{id}/values?ports={}", ports.join(","));
-            let view: ValuesView = match loader.get(&path) {
+            let view: ValuesView = match loader.values(&id.to_string(), &ports) {
                 Ok(view) => view,
                 // It was unloaded meanwhile.
                 Err(error) if error.body.code == UNKNOWN_COMMAND.code => continue,

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use rcc_api::bodies::{CommandView, Done};
-use rcc_client::{Cell, ClientError, LoaderClient, RequestError, runtime_folder, segment};
+use rcc_client::{Cell, ClientError, LoaderClient, RequestError, segment};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -141,8 +141,7 @@ fn operate(cell: &str, request: &NetRequest, operation: &str) -> Result<Value, C
 /// # Errors
 /// Fails if the system refuses an event queue.
 pub fn loader(cell: &str) -> Result<LoaderClient, RequestError> {
-    let socket = runtime_folder().join(cell).join("loader.sock");
-    LoaderClient::new(cell, &socket, TIMEOUT)
+    LoaderClient::local(cell, TIMEOUT)
 }
 
 #[cfg(test)]

@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 
 use crate::keys::{CellKeys, Operation};
 
-/// What a process is on the link.
+/// Role of a process on the link.
 #[derive(Clone, Copy, Debug)]
 pub enum Role<'a> {
     /// Carries this cell; these peers (`SITE/CELL`) may start these nets.
     Gateway {
-        /// Keys of the cell.
-        keys: &'a CellKeys,
+        /// The cell, `SITE/CELL`; the certificate must have this common name.
+        cell: &'a str,
         /// Nets by peer.
         start: &'a BTreeMap<String, Vec<String>>,
     },
@@ -90,7 +90,8 @@ pub fn access_control(role: Role<'_>) -> Option<Value> {
     let mut rules = Rules::default();
     match role {
         Role::Operator => return None,
-        Role::Gateway { keys, start } => {
+        Role::Gateway { cell, start } => {
+            let keys = CellKeys::of(cell);
             rules.allow("egress", None, &GIVES, &keys.all());
             let [reads, query] = [&TAKES[..3], &TAKES[3..]];
             rules.allow("ingress", None, reads, &CellKeys::of("*/*").all());
@@ -143,10 +144,9 @@ mod tests {
 
     #[test]
     fn a_net_is_started_by_the_certificate_of_its_peer_only_and_canceled_by_anyone() {
-        let cell = CellKeys::new("lab", "press");
         let start = BTreeMap::from([("lab/feeder".to_owned(), vec!["close-door".to_owned()])]);
         let role = Role::Gateway {
-            keys: &cell,
+            cell: "lab/press",
             start: &start,
         };
         let control = access_control(role).expect("rules");

@@ -1,6 +1,6 @@
 //! Checks the files of mutual TLS before a session uses them, so that an error names the file and what to do. Reads files.
 
-use std::fs::{self, Metadata};
+use std::fs::{self, File};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
@@ -61,45 +61,32 @@ pub enum CertificateError {
     },
 }
 
-/// Checks all files.
+/// Checks all files, and that the certificate is that of `cell` (`SITE/CELL`), if one is given.
 ///
 /// # Errors
 /// Fails for the first file that cannot be used.
-pub fn check(files: &TlsFiles) -> Result<(), CertificateError> {
+pub fn check(files: &TlsFiles, cell: Option<&str>) -> Result<(), CertificateError> {
     read_certificate(&files.authority)?;
-    read_certificate(&files.certificate)?;
-    let read = |cause| CertificateError::Read {
-        file: files.key.display().to_string(),
-        cause,
-    };
-    fs::read(&files.key).map_err(read)?;
-    let mode = fs::metadata(&files.key).as_ref().map(mode).map_err(|_| ());
-    if mode.is_ok_and(|mode| mode & OTHERS != 0) {
-        let file = files.key.display().to_string();
-        return Err(CertificateError::Open { file });
+    let name = read_certificate(&files.certificate)?;
+    let file = files.key.display().to_string();
+    match File::open(&files.key).and_then(|key| key.metadata()) {
+        Err(cause) => return Err(CertificateError::Read { file, cause }),
+        Ok(about) if about.permissions().mode() & OTHERS != 0 => {
+            return Err(CertificateError::Open { file });
+        }
+        Ok(_) => {}
     }
-    Ok(())
-}
-
-/// Checks that the certificate is that of a cell, `SITE/CELL`.
-///
-/// # Errors
-/// Fails if it is that of another one.
-pub fn check_cell(files: &TlsFiles, expected: &str) -> Result<(), CertificateError> {
     let file = files.certificate.display().to_string();
-    match read_certificate(&files.certificate)? {
-        Some(found) if found == expected => Ok(()),
-        Some(found) => Err(CertificateError::Other {
+    match (cell, name) {
+        (None, _) => Ok(()),
+        (Some(cell), Some(name)) if cell == name => Ok(()),
+        (Some(cell), Some(found)) => Err(CertificateError::Other {
             file,
             found,
-            expected: expected.to_owned(),
+            expected: cell.to_owned(),
         }),
-        None => Err(CertificateError::NoName { file }),
+        (Some(_), None) => Err(CertificateError::NoName { file }),
     }
-}
-
-fn mode(metadata: &Metadata) -> u32 {
-    metadata.permissions().mode()
 }
 
 /// Returns the common name of the first certificate in a file, if it has one.

@@ -1,6 +1,7 @@
 //! `rcc-link-device`: a driver whose inputs are topics of another cell. Each channel has its newest value; what is older than
 //! `expires` is null. Run by the host's exchange thread; Zenoh's threads fill the [`Inbox`].
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -202,13 +203,18 @@ impl Driver for LinkDevice {
     }
 }
 
-/// Reads the files of mutual TLS.
+/// Reads the files of mutual TLS: absolute paths, and no other keys.
 fn tls(value: &Value) -> Option<TlsFiles> {
-    let files = TlsFiles::of(|key| value.get(key)?.as_str());
-    files.filter(|_| {
-        value
-            .as_object()
-            .is_some_and(|keys| keys.len() == TLS_KEYS.len())
+    let fields = value.as_object()?;
+    let path = |key| {
+        let path = PathBuf::from(fields.get(key)?.as_str()?);
+        path.is_absolute().then_some(path)
+    };
+    let [authority, certificate, key] = TLS_KEYS.map(path);
+    (fields.len() == TLS_KEYS.len()).then_some(TlsFiles {
+        authority: authority?,
+        certificate: certificate?,
+        key: key?,
     })
 }
 

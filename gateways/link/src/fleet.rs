@@ -126,7 +126,7 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
 pub struct CellMessage {
     /// `SITE/CELL`.
     pub cell: String,
-    /// What it is about: the kind of an event, or the name of a net or topic.
+    /// Kind of an event, or name of a net or topic.
     pub name: String,
     /// The message.
     pub body: Value,

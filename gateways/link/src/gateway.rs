@@ -3,14 +3,13 @@
 //! requests of other cells to a thread of their own.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{CommandView, EventView};
-use rcc_client::{LoaderClient, RequestError, StreamValues, runtime_folder};
+use rcc_client::{LoaderClient, RequestError, StreamValues};
 use rcc_config::LinkConfig;
 use rcc_process::helpers;
 use serde_json::{Value, json};
@@ -19,7 +18,6 @@ use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
 
 use crate::access::Role;
-use crate::certificate::{self, CertificateError};
 use crate::keys::CellKeys;
 use crate::message::{TopicMessage, VERSION};
 use crate::session::{self, Identity, SessionError};
@@ -54,9 +52,6 @@ pub enum GatewayError {
     /// The Zenoh session cannot be opened.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// The certificate cannot be used.
-    #[error(transparent)]
-    Certificate(#[from] CertificateError),
     /// A thread cannot be made.
     #[error("cannot start: {0}")]
     System(#[from] std::io::Error),
@@ -106,17 +101,12 @@ pub(crate) enum News {
 /// # Errors
 /// Fails if the endpoints of the link cannot be opened.
 pub fn run(options: &GatewayOptions, stop: &Arc<AtomicBool>) -> Result<(), GatewayError> {
-    let keys = CellKeys::new(&options.link.site, &options.cell);
+    let cell = format!("{}/{}", options.link.site, options.cell);
+    let keys = CellKeys::of(&cell);
     let link = &options.link;
-    let identity = match &link.tls {
-        None => None,
-        Some(files) => {
-            certificate::check_cell(files, &format!("{}/{}", link.site, options.cell))?;
-            let (keys, start) = (&keys, &link.start);
-            let role = Role::Gateway { keys, start };
-            Some(Identity { files, role })
-        }
-    };
+    let (cell, start) = (cell.as_str(), &link.start);
+    let role = Role::Gateway { cell, start };
+    let identity = link.tls.as_ref().map(|files| Identity { files, role });
     let session = session::open(&link.listen, &link.connect, identity)?;
     let requests = Requests::serve(&session, &keys, options)?;
     let (told, news) = sync_channel(NEWS_MAX);
@@ -147,8 +137,7 @@ fn wall_clock() -> u32 {
 
 /// Returns a client of the loader of a cell, which need not run.
 pub(crate) fn loader(cell: &str) -> Result<LoaderClient, RequestError> {
-    let socket = runtime_folder().join(cell).join("loader.sock");
-    LoaderClient::new(cell, Path::new(&socket), TIMEOUT)
+    LoaderClient::local(cell, TIMEOUT)
 }
 
 struct LinkPublisher {

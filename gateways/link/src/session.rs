@@ -38,12 +38,12 @@ pub enum SessionError {
     Declare(String),
 }
 
-/// Certificates of a process, and what it is.
+/// Certificates of a process, and its role.
 #[derive(Clone, Copy, Debug)]
 pub struct Identity<'a> {
     /// Its files.
     pub files: &'a TlsFiles,
-    /// What it is.
+    /// Its role.
     pub role: Role<'a>,
 }
 
@@ -64,7 +64,11 @@ pub fn open(
     }
     let mut config = Config::default();
     if let Some(identity) = identity {
-        certificate::check(identity.files)?;
+        let cell = match identity.role {
+            Role::Gateway { cell, .. } => Some(cell),
+            Role::Device { .. } | Role::Operator => None,
+        };
+        certificate::check(identity.files, cell)?;
         insert(&mut config, "transport/link/tls", &tls(identity.files))?;
         if let Some(control) = access_control(identity.role) {
             insert(&mut config, "access_control", &control)?;

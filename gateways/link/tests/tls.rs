@@ -115,11 +115,9 @@ fn publish(
 #[test]
 fn values_in_the_name_of_another_cell_are_dropped() {
     let authority = Authority::new();
-    let cell = CellKeys::of(PEER);
-    let start = BTreeMap::new();
-    let (keys, start) = (&cell, &start);
+    let (cell, start) = (PEER, &BTreeMap::new());
     let own = authority.files(PEER);
-    let (press, at_press) = listening(&own, Role::Gateway { keys, start });
+    let (press, at_press) = listening(&own, Role::Gateway { cell, start });
     let other = authority.files("lab/other");
     // Without access control the impostor is believed: the way is there.
     for (role, is_believed) in [(Role::Operator, true), (Role::Device { peer: PEER }, false)] {
@@ -145,15 +143,16 @@ fn values_in_the_name_of_another_cell_are_dropped() {
 #[test]
 fn a_net_is_started_with_the_certificate_of_its_peer_only() {
     let authority = Authority::new();
-    let cell = CellKeys::of(PEER);
     let start = BTreeMap::from([("lab/feeder".to_owned(), vec!["close-door".to_owned()])]);
-    let (keys, start) = (&cell, &start);
+    let (cell, start) = (PEER, &start);
     let own = authority.files(PEER);
-    let (press, at_press) = listening(&own, Role::Gateway { keys, start });
-    let answer = press.declare_queryable(cell.requests()).callback(|query| {
-        let key = query.key_expr().clone();
-        query.reply(key, "{\"ok\": true}").wait().expect("answered");
-    });
+    let (press, at_press) = listening(&own, Role::Gateway { cell, start });
+    let answer = press
+        .declare_queryable(CellKeys::of(PEER).requests())
+        .callback(|query| {
+            let key = query.key_expr().clone();
+            query.reply(key, "{\"ok\": true}").wait().expect("answered");
+        });
     answer.background().wait().expect("a queryable");
     let feeder =
         fleet::connect(&at_press, Some(&authority.files("lab/feeder"))).expect("a connection");
@@ -222,6 +221,15 @@ fn files_that_cannot_be_used_are_named_with_what_to_do() {
         params.not_after = rcgen::date_time_ymd(2020, 1, 1)
     });
     assert!(words(&old).contains("is not valid now"), "{}", words(&old));
+    let (cell, start) = (PEER, &BTreeMap::new());
+    let role = Role::Gateway { cell, start };
+    let files = &good;
+    let other = session::open(&[], &endpoint, Some(Identity { files, role }));
+    let other = other.expect_err("refused").to_string();
+    assert!(
+        other.contains("is the certificate of `lab/feeder`, but this is `lab/press`"),
+        "{other}"
+    );
     permit(&good.key, 0o644);
     assert!(
         words(&good).contains("can be read by everybody"),

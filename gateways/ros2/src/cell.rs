@@ -22,7 +22,7 @@ const EVENTS_EVERY: Duration = Duration::from_millis(200);
 /// Pause after the cell could not be read.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
 
-/// What is read.
+/// Options of the thread that reads the cell.
 #[derive(Clone, Debug)]
 pub struct CellOptions {
     /// Name of the cell.

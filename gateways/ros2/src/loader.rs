@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rcc_client::{LoaderClient, RequestError, runtime_folder};
+use rcc_client::{LoaderClient, RequestError};
 
 /// Time limit of a request to the loader.
 pub const TIMEOUT: Duration = Duration::from_secs(5);
@@ -12,6 +12,5 @@ pub const TIMEOUT: Duration = Duration::from_secs(5);
 /// # Errors
 /// Fails if the system refuses an event queue.
 pub fn loader(cell: &str) -> Result<LoaderClient, RequestError> {
-    let socket = runtime_folder().join(cell).join("loader.sock");
-    LoaderClient::new(cell, &socket, TIMEOUT)
+    LoaderClient::local(cell, TIMEOUT)
 }

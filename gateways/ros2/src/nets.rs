@@ -45,7 +45,7 @@ impl PublishedTopic {
     }
 }
 
-/// What is published of nets, and what is offered for them.
+/// Options of the thread that looks at the nets.
 pub struct NetsOptions {
     /// Name of the cell.
     pub cell: String,

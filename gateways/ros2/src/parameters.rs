@@ -9,7 +9,6 @@ use rcc_api::bodies::{CommandDetail, CommandView, InputsSet, ValuesView};
 use rcc_api::codes::UNKNOWN_COMMAND;
 use rcc_client::{LoaderClient, RequestError, segment};
 use ros2_client::{NodeOptions, ParameterValue};
-use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::loader::loader;
@@ -19,20 +18,6 @@ use crate::node::RosNode;
 thread_local! {
     /// True while this thread mirrors the loader's values: they are not sent back.
     static MIRRORS: Flag<bool> = const { Flag::new(false) };
-}
-
-/// Names of the inputs of a net; other fields are ignored.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default)]
-struct NetInputs {
-    inputs: Vec<InputName>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-struct InputName {
-    primitive: String,
-    #[serde(default)]
-    topic: Option<String>,
 }
 
 /// An input: its net and its name there. The loader finds the newest net of the name when it is set, since nets may have been
@@ -133,13 +118,9 @@ impl Parameters {
                     Err(error) if error.body.code == UNKNOWN_COMMAND.code => return Ok(Vec::new()),
                     answer => answer?,
                 };
-                // A loader that has just been restarted knows the command before its names.
-                let Ok(names) = serde_json::from_value::<NetInputs>(detail.names) else {
+                let Some(inputs) = detail.settable_inputs() else {
                     return Ok(Vec::new());
                 };
-                // Inputs that are subscribed to a topic get their value from another net.
-                let settable = names.inputs.into_iter().filter(|one| one.topic.is_none());
-                let inputs: Vec<String> = settable.map(|one| one.primitive).collect();
                 self.known.insert(key, inputs.clone());
                 inputs
             }

@@ -36,6 +36,22 @@ pub struct Excess {
     pub limit: f64,
 }
 
+impl Excess {
+    /// Returns it in words, for the name of its joint.
+    #[must_use]
+    pub fn sentence(&self, joint: &str) -> String {
+        let Excess {
+            quantity,
+            time_s,
+            value,
+            limit,
+            ..
+        } = self;
+        let unit = quantity.unit();
+        format!("{joint} at {time_s:.3} s: {quantity} {value:.4} {unit} exceeds {limit:.4} {unit}")
+    }
+}
+
 impl Quantity {
     /// Returns its unit.
     #[must_use]

@@ -317,6 +317,31 @@ pub struct CommandDetail {
     pub names: serde_json::Value,
 }
 
+impl CommandDetail {
+    /// Returns the primitives of the inputs that a client may set; an input that is subscribed to a topic gets its value from
+    /// another net. `None` while the names are not known: a loader that has just been restarted knows a command before them.
+    #[must_use]
+    pub fn settable_inputs(&self) -> Option<Vec<String>> {
+        let names = NetInputs::deserialize(&self.names).ok()?;
+        let settable = names.inputs.into_iter().filter(|one| one.topic.is_none());
+        Some(settable.map(|one| one.primitive).collect())
+    }
+}
+
+/// Names of the inputs of a net; other fields are ignored.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct NetInputs {
+    inputs: Vec<InputName>,
+}
+
+#[derive(Deserialize)]
+struct InputName {
+    primitive: String,
+    #[serde(default)]
+    topic: Option<String>,
+}
+
 /// The fault that ended a net.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FaultView {

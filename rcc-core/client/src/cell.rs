@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 use crate::command::{Command, Outcome};
 use crate::error::{ClientError, RequestError};
 use crate::lease::LeaseHolder;
-use crate::transport::{LoaderClient, RemoteLoader, runtime_folder, segment};
+use crate::transport::{LoaderClient, RemoteLoader, segment};
 use crate::watch::Watch;
 
 /// Maximum time for the answer of a request.
@@ -52,8 +52,7 @@ impl Cell {
     /// # Errors
     /// Fails if no loader answers.
     pub fn local(name: &str) -> Result<Cell, ClientError> {
-        let socket = runtime_folder().join(name).join("loader.sock");
-        Cell::proven(LoaderClient::new(name, &socket, ANSWER_MAX)?)
+        Cell::proven(LoaderClient::local(name, ANSWER_MAX)?)
     }
 
     /// Connects to the cell whose loader listens at this Unix socket.

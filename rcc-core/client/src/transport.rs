@@ -131,6 +131,15 @@ impl LoaderClient {
         LoaderClient::with_endpoint(cell, Endpoint::Socket(socket.to_owned()), timeout)
     }
 
+    /// Creates a client of a cell of this machine, which need not run; each request takes at most `timeout`.
+    ///
+    /// # Errors
+    /// As [`LoaderClient::new`].
+    pub fn local(cell: &str, timeout: Duration) -> Result<LoaderClient, RequestError> {
+        let socket = runtime_folder().join(cell).join("loader.sock");
+        LoaderClient::new(cell, &socket, timeout)
+    }
+
     /// Creates a client that reaches the loader over TCP.
     ///
     /// # Errors

@@ -58,21 +58,6 @@ pub struct TlsFiles {
     pub key: PathBuf,
 }
 
-impl TlsFiles {
-    /// Returns the files that `path` gives for each of `authority`, `certificate` and `key`; `None` without an absolute path.
-    pub fn of<'a>(path: impl Fn(&str) -> Option<&'a str>) -> Option<TlsFiles> {
-        let [authority, certificate, key] = TLS_KEYS.map(|key| {
-            let path = path(key).map(Path::new);
-            path.filter(|path| path.is_absolute()).map(Path::to_owned)
-        });
-        Some(TlsFiles {
-            authority: authority?,
-            certificate: certificate?,
-            key: key?,
-        })
-    }
-}
-
 /// Reads the key `link` of a cell; `None` inside: the cell has none.
 pub(crate) fn read(
     reader: &mut ConfigReader,
@@ -125,35 +110,34 @@ fn tls(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<Option<TlsFiles
         return Some(None);
     };
     let tls = reader.fields(node, node.span, "tls", &TLS_KEYS)?;
-    let mut paths = BTreeMap::new();
-    let mut valid = true;
-    for key in TLS_KEYS {
-        let text = reader
-            .require(&tls, key)
-            .and_then(|node| Some((reader.text(node, key)?, node.span)));
-        match text {
-            Some((text, _)) if Path::new(text).is_absolute() => drop(paths.insert(key, text)),
-            Some((text, place)) => {
-                let message = format!("`{text}` is not an absolute path");
-                let help = "write the path from the root: `/etc/rcc/tls/press.pem`";
-                reader.report(error(codes::BAD_ADDRESS, place, message).help(help));
-                valid = false;
-            }
-            None => valid = false,
+    // Read all before returning, so that all faults are reported together.
+    let [authority, certificate, key] = TLS_KEYS.map(|key| {
+        let node = reader.require(&tls, key)?;
+        let text = reader.text(node, key)?;
+        if Path::new(text).is_absolute() {
+            return Some(PathBuf::from(text));
         }
-    }
-    let files = TlsFiles::of(|key| paths.get(key).copied());
-    valid.then_some(files)
+        let message = format!("`{text}` is not an absolute path");
+        let help = "write the path from the root: `/etc/rcc/tls/press.pem`";
+        reader.report(error(codes::BAD_ADDRESS, node.span, message).help(help));
+        None
+    });
+    Some(Some(TlsFiles {
+        authority: authority?,
+        certificate: certificate?,
+        key: key?,
+    }))
+}
+
+/// Reads each element of a list; all of them before returning, so that all faults are reported together.
+fn every<T>(list: &[Node], each: impl FnMut(&Node) -> Option<T>) -> Option<Vec<T>> {
+    let elements: Vec<Option<T>> = list.iter().map(each).collect();
+    elements.into_iter().collect()
 }
 
 fn texts(reader: &mut ConfigReader, node: &Node, what: &str) -> Option<Vec<String>> {
     let list = reader.list(node, what)?;
-    let texts = list
-        .iter()
-        .map(|node| reader.text(node, what).map(str::to_owned));
-    // Read all elements before returning, so that all faults are reported together.
-    let texts: Vec<Option<String>> = texts.collect();
-    texts.into_iter().collect()
+    every(list, |node| reader.text(node, what).map(str::to_owned))
 }
 
 /// How a link is reached.
@@ -173,13 +157,11 @@ fn endpoints(
         return Some(Vec::new());
     };
     let list = reader.list(node, key)?;
-    let endpoints = list.iter().map(|node| {
+    every(list, |node| {
         let text = reader.text(node, key)?;
         let text = ports::substitute(reader, text, node.span, ports)?;
         endpoint(reader, node.span, &text, protocol)
-    });
-    let endpoints: Vec<Option<String>> = endpoints.collect();
-    endpoints.into_iter().collect()
+    })
 }
 
 /// Checks `tcp/HOST:PORT` or `tls/HOST:PORT`, and that it is the protocol of the link, if that is known.
@@ -261,12 +243,11 @@ fn starts(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<BTreeMap<Str
             valid = false;
             continue;
         };
-        let nets = list.iter().map(|node| {
+        let nets = every(list, |node| {
             let text = reader.text(node, "a net")?;
             reader.name(text, node.span, "a net", NET_NAME)
         });
-        let nets: Vec<Option<String>> = nets.collect();
-        match nets.into_iter().collect() {
+        match nets {
             Some(nets) => drop(starts.insert(key.name.clone(), nets)),
             None => valid = false,
         }

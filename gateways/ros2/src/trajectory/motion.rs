@@ -234,18 +234,8 @@ fn not_a_motion(error: &PathError) -> String {
 }
 
 fn beyond_limits(passed: &[Excess], arm: &GoalArm) -> String {
-    let row = |excess: &Excess| {
-        let Excess {
-            quantity,
-            time_s,
-            value,
-            limit,
-            ..
-        } = excess;
-        let unit = quantity.unit();
-        let joint = arm.joints.get(excess.joint).map_or("?", String::as_str);
-        format!("{joint} at {time_s:.3} s: {quantity} {value:.4} {unit} exceeds {limit:.4} {unit}")
-    };
+    let row =
+        |excess: &Excess| excess.sentence(arm.joints.get(excess.joint).map_or("?", String::as_str));
     let rows: Vec<String> = passed.iter().map(row).collect();
     let help = match stretch(passed) {
         Some(factor) => format!("{factor:.2} times as slow it keeps them"),

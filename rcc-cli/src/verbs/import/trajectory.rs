@@ -294,15 +294,7 @@ fn beyond_limits(name: &str, passed: &[Excess], robot: &RobotConfig, used: f64) 
             .joints
             .get(excess.joint)
             .map_or("?", |joint| joint.name.as_str());
-        let unit = excess.quantity.unit();
-        let Excess {
-            quantity,
-            time_s,
-            value,
-            limit,
-            ..
-        } = excess;
-        format!("{joint} at {time_s:.3} s: {quantity} {value:.4} {unit} exceeds {limit:.4} {unit}")
+        excess.sentence(joint)
     });
     let rows: Vec<String> = rows.collect();
     let help = match stretch(passed) {

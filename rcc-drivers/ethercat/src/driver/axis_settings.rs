@@ -187,7 +187,10 @@ pub fn read(
             device,
             joint: &joint.name,
             fields,
-            linear: robot.arm.is_linear(),
+            words: match robot.arm.is_linear() {
+                true => &LINEAR,
+                false => &ROTARY,
+            },
         };
         let axis = AxisSettings {
             deceleration: joint.acceleration_rad_s2,
@@ -204,50 +207,66 @@ pub fn read(
         if ![joint.lower_rad, joint.upper_rad].into_iter().all(fits) {
             let cause = "the range of the joint has more counts than 32 bits hold".to_owned();
             let expected = "a resolution and a zero with which the whole range fits";
-            return Err(reader.fault(&format!(".{}", reader.counts_key()), cause, expected));
+            return Err(reader.fault(&format!(".{}", reader.words.counts), cause, expected));
         }
         found.push(axis);
     }
     Ok(found)
 }
 
+/// What the settings of a kind of joint are called, and what is expected of them.
+struct JointWords {
+    unit: Unit,
+    /// Key of the resolution, and that of the other kind.
+    counts: &'static str,
+    other_counts: &'static str,
+    resolution: &'static str,
+    kind: &'static str,
+    window: &'static str,
+    zero: &'static str,
+}
+
+const ROTARY: JointWords = JointWords {
+    unit: Unit::RADIAN,
+    counts: "counts_per_rad",
+    other_counts: "counts_per_metre",
+    resolution: "counts_per_rad: counts of the drive for 1 rad of the joint; negative if it turns the other way",
+    kind: "this joint turns",
+    window: "a following error of the drive, such as \"0.02 rad\"",
+    zero: "the position of the joint at count 0, such as \"0.1 rad\"",
+};
+const LINEAR: JointWords = JointWords {
+    unit: Unit::METRE,
+    counts: "counts_per_metre",
+    other_counts: "counts_per_rad",
+    resolution: "counts_per_metre: counts of the drive for 1 m of the axis; negative if it turns the other way",
+    kind: "this joint is a linear axis",
+    window: "a following error of the drive, such as \"2 mm\"",
+    zero: "the position of the axis at count 0, such as \"100 mm\"",
+};
+
 /// Reads the fields of one axis.
 struct AxisReader<'a> {
     device: &'a DeviceConfig,
     joint: &'a str,
     fields: &'a Map<String, Value>,
-    /// The joint is a linear axis.
-    linear: bool,
+    words: &'static JointWords,
 }
 
 impl AxisReader<'_> {
-    fn counts_key(&self) -> &'static str {
-        match self.linear {
-            true => "counts_per_metre",
-            false => "counts_per_rad",
-        }
-    }
-
     /// Reads the resolution; refuses that of the other kind of joint.
     fn counts_per_unit(&self) -> Result<f64, DriverError> {
-        let (other, expected) = match self.linear {
-            true => (
-                "counts_per_rad",
-                "counts_per_metre: counts of the drive for 1 m of the axis; negative if it turns the other way",
-            ),
-            false => (
-                "counts_per_metre",
-                "counts_per_rad: counts of the drive for 1 rad of the joint; negative if it turns the other way",
-            ),
-        };
-        if self.fields.contains_key(other) {
-            let cause = match self.linear {
-                true => "this joint is a linear axis",
-                false => "this joint turns",
-            };
-            return Err(self.fault(&format!(".{other}"), cause.to_owned(), expected));
+        let JointWords {
+            counts,
+            other_counts,
+            resolution,
+            kind,
+            ..
+        } = *self.words;
+        if self.fields.contains_key(other_counts) {
+            return Err(self.fault(&format!(".{other_counts}"), kind.to_owned(), resolution));
         }
-        self.field(self.counts_key(), (expected, None), |value| {
+        self.field(counts, (resolution, None), |value| {
             let counts = value.as_f64()?;
             (counts.is_finite() && counts.abs() >= 1.0).then_some(counts)
         })
@@ -311,17 +330,9 @@ impl AxisReader<'_> {
             return Err(self.fault(".terminal", cause, expected.0));
         }
         let counts_per_unit = self.counts_per_unit()?;
-        let unit = Unit::of_joints(self.linear, 0);
-        let (window, zero) = match self.linear {
-            true => (
-                "a following error of the drive, such as \"2 mm\"",
-                "the position of the axis at count 0, such as \"100 mm\"",
-            ),
-            false => (
-                "a following error of the drive, such as \"0.02 rad\"",
-                "the position of the joint at count 0, such as \"0.1 rad\"",
-            ),
-        };
+        let JointWords {
+            unit, window, zero, ..
+        } = *self.words;
         let following_window = self.quantity("following_window", (window, None), unit)?;
         if following_window <= 0.0
             || (following_window * counts_per_unit).abs() >= f64::from(u32::MAX)
