@@ -8,8 +8,8 @@ use clap::{Command, CommandFactory, Parser};
 
 use crate::context::OutputFormat;
 use crate::duration::duration;
-use crate::terminal::{TerminalSize, between_words};
 use crate::verbs::{GROUPS, Verb};
+use rcc_terminal::text::{TerminalSize, between_words};
 
 /// Robot Control Core: check, run and inspect nets.
 #[derive(Parser, Debug)]

@@ -14,7 +14,7 @@ use crate::cells;
 use crate::client::{LoaderClient, RemoteLoader};
 use crate::failure::Failure;
 use crate::output::{print_diagnostics, print_line, print_record};
-use crate::terminal::TerminalSize;
+use rcc_terminal::text::TerminalSize;
 
 /// Output format of results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

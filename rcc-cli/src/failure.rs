@@ -8,7 +8,7 @@ use rcc_config::diagnostic::{
 };
 use rcc_core::printable::Printable;
 
-use crate::terminal::between_words;
+use rcc_terminal::text::between_words;
 
 /// A verb's failure, as reported to the person or program that called it.
 #[derive(Clone, Debug, PartialEq)]

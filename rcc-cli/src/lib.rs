@@ -27,7 +27,6 @@ pub mod simulate;
 pub mod supervisor;
 pub mod table;
 pub mod task;
-pub mod terminal;
 pub mod units;
 pub mod value;
 pub mod verbs;

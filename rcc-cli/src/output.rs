@@ -11,7 +11,7 @@ use std::{process, thread};
 use rcc_api::codes::{self, exit};
 use rcc_core::printable::{Coloured, Printable};
 
-use crate::terminal::{TerminalSize, fitted, wrapped};
+use rcc_terminal::text::{TerminalSize, fitted, wrapped};
 
 /// Lines that may wait to be printed; further ones are dropped.
 const QUEUE_MAX: usize = 1024;

@@ -77,6 +77,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-client", &["rcc-api"]),
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
+    ("rcc-terminal", &["rcc-core"]),
     ("rcc-trajectory", &["rcc-core", "rcc-config", "rcc-motion"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
     // Used by tests and benchmarks only.
@@ -192,6 +193,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-directionet",
             "rcc-graph",
             "rcc-robot",
+            "rcc-terminal",
             "rcc-trajectory",
             "rcc-api",
             "rcc-recording",

@@ -2,7 +2,7 @@
 //! place on a terminal, otherwise printed once at the end.
 
 use crate::output::BackgroundPrinter;
-use crate::terminal::TerminalSize;
+use rcc_terminal::text::TerminalSize;
 
 /// Width of the bar, characters, at most and at least.
 const WIDTH_MAX: usize = 28;

@@ -8,8 +8,8 @@ use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
 use crate::table::{grouped, time};
-use crate::terminal::TerminalSize;
 use crate::value::{self, Style};
+use rcc_terminal::text::TerminalSize;
 
 /// Arguments of `state`.
 #[derive(clap::Args, Debug)]

@@ -7,10 +7,10 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::columns::{Column, FittedTable, fit};
 use super::{TopSnapshot, text};
 use crate::doctor::histogram::{Detail, fitted_drawing};
-use crate::terminal::{cut, flowed, wrapped};
+use rcc_terminal::columns::{Column, FittedTable, fit};
+use rcc_terminal::text::{cut, flowed, wrapped};
 
 /// Narrowest column of histograms beside the table of primitives.
 const BARS_MIN: usize = 26;

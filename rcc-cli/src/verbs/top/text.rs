@@ -1,9 +1,9 @@
 //! The contents of `top`: sentences and columns, for the live view and for `--once`. Pure.
 
 use rcc_api::bodies::{BucketView, CommandView, HistogramView};
+use rcc_terminal::columns::{Cells, Column, fit};
 
 use super::TopSnapshot;
-use super::columns::{Cells, Column, fit};
 use crate::doctor::histogram::drawing;
 use crate::follow;
 use crate::table::{counted, grouped, span, time};

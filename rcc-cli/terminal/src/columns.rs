@@ -1,17 +1,17 @@
-//! Tables of `top`: each column of times has one unit, named in its heading. A table is fitted to a width by shortening
+//! Tables of live views: each column of times has one unit, named in its heading. A table is fitted to a width by shortening
 //! names and by leaving columns out; a number is never cut. Pure.
 
 use textwrap::core::display_width;
 
-use crate::terminal::cut;
+use crate::text::cut;
 
 /// Blanks between two columns.
-const GAP: usize = 2;
+pub const GAP: usize = 2;
 /// Columns that a name keeps if the table is too wide.
 const NAME_MIN: usize = 16;
 
 /// Contents of a column.
-pub(super) enum Cells {
+pub enum Cells {
     /// Names and states, left-aligned.
     Words(Vec<String>),
     /// Parts of a whole, percent.
@@ -20,18 +20,18 @@ pub(super) enum Cells {
     Times(Vec<f64>),
 }
 
-/// A column with its heading, without the unit.
-pub(super) struct Column(pub(super) &'static str, pub(super) Cells);
+/// A column with its heading, without the unit, and its cells.
+pub struct Column(pub &'static str, pub Cells);
 
 /// A table fitted to a width.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct FittedTable {
+pub struct FittedTable {
     /// Headings, then the rows.
-    pub(super) lines: Vec<String>,
+    pub lines: Vec<String>,
     /// Headings of the columns there was no room for.
-    pub(super) left_out: Vec<&'static str>,
+    pub left_out: Vec<&'static str>,
     /// Columns of the widest line.
-    pub(super) width: usize,
+    pub width: usize,
 }
 
 /// A column as text.
@@ -97,7 +97,8 @@ fn unit(times: &[f64]) -> (&'static str, f64, usize) {
 }
 
 /// Fits a table to `width`: the first column is shortened, then columns are left out from the right; the first two stay.
-pub(super) fn fit(columns: Vec<Column>, width: usize) -> FittedTable {
+#[must_use]
+pub fn fit(columns: Vec<Column>, width: usize) -> FittedTable {
     let mut columns: Vec<Formatted> = columns.into_iter().map(Formatted::new).collect();
     let mut widths: Vec<usize> = columns.iter().map(Formatted::width).collect();
     let mut left_out = Vec::new();
