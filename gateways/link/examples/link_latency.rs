@@ -143,6 +143,9 @@ fn over_iceoryx2(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Err
         ends.store(true, Ordering::Relaxed);
         latencies
     });
+    drop((publisher, reader, session));
+    // What a cell has in shared memory stays there when its processes have ended; otherwise a janitor removes it.
+    rcc_ipc::clean::remove_cell(&cell)?;
     Ok(latencies)
 }
 
