@@ -89,6 +89,50 @@ fn a_text_with_errors_is_rejected_and_keeps_its_diagnostics() {
 }
 
 #[test]
+fn a_check_says_what_load_would_say_and_loads_nothing() {
+    let test = TestCell::new("check");
+    let executor = FakeExecutor::start(&test.cell, &[], None);
+    let _served = TestServer::start(&test.cell);
+    let (status, valid) = ask(&test.cell, "POST /check?file=line.yaml", line().as_bytes());
+    assert_eq!((status, &valid["valid"]), (200, &true.into()), "{valid}");
+    assert_eq!(
+        (&valid["kind"], &valid["name"]),
+        (&"net".into(), &"line".into())
+    );
+    assert_eq!(valid["uses"][0], "lwr");
+    let (status, bad) = ask(&test.cell, "POST /check", b"net: broken\n");
+    assert_eq!((status, &bad["valid"]), (200, &false.into()), "{bad}");
+    assert_eq!(bad["name"], "broken");
+    let shown = bad["diagnostics"][0]["rendered"].as_str();
+    assert!(shown.is_some_and(|shown| shown.contains("RCC1")), "{bad}");
+    // The files that a configuration names are looked for beside the cell's own.
+    let cell = "cell: other\nperiod: 1 ms\ndevices: {arm: {driver: ideal-arm, robot: ../robots/ur5e.yaml}}\n";
+    let (_, cell_file) = ask(&test.cell, "POST /check?file=cell.yaml", cell.as_bytes());
+    assert_eq!(
+        (&cell_file["kind"], &cell_file["valid"]),
+        (&"cell".into(), &true.into()),
+        "{cell_file}"
+    );
+    let wrong = cell.replace("ur5e", "ur6e");
+    let (_, wrong) = ask(&test.cell, "POST /check?file=cell.yaml", wrong.as_bytes());
+    assert_eq!(wrong["valid"], false, "{wrong}");
+    assert!(wrong.to_string().contains("ur6e.yaml"), "{wrong}");
+    assert_eq!(executor.seen.lock().expect("seen").calls.len(), 0);
+}
+
+#[test]
+fn a_check_is_refused_where_every_load_would_be() {
+    let test = TestCell::new("full");
+    let rows: Vec<(u64, CommandState)> = (1..=64).map(|id| (id, CommandState::Ready)).collect();
+    let _executor = FakeExecutor::start(&test.cell, &rows, None);
+    let service = service(&test.cell);
+    let full = service
+        .check(&line(), "line.yaml")
+        .expect_err("no row is free");
+    assert_eq!(full.code.code, codes::TABLE_FULL.code);
+}
+
+#[test]
 fn a_refused_plan_reports_the_executors_reason_with_names() {
     let test = TestCell::new("refused");
     let refusal = Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 });

@@ -381,10 +381,11 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
         "/values?ports=move.pose[1],*.out",
     ];
     let method = *bytes.choose(&METHODS)?;
-    let address = match bytes.int_in_range(0..=12)? {
+    let address = match bytes.int_in_range(0..=13)? {
         10 => format!("/events?after={}", word(bytes)?),
         11 => "/incidents".to_owned(),
         12 => format!("/incidents/{}", word(bytes)?),
+        13 => format!("/check?file={}", word(bytes)?),
         8 => "/timing".to_owned(),
         9 => "/status/acknowledge".to_owned(),
         0 => "/devices".to_owned(),

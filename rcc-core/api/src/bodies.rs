@@ -80,6 +80,21 @@ pub struct Loaded {
     pub state: String,
 }
 
+/// Answer to a check: what LOAD, or a restart of the cell, would say of a text.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Checked {
+    /// `net`, or `cell` for the configuration of a cell.
+    pub kind: String,
+    /// The net's name, as far as it can be found; empty for the configuration of a cell.
+    pub name: String,
+    /// False if the text has errors.
+    pub valid: bool,
+    /// Errors and warnings.
+    pub diagnostics: Vec<Finding>,
+    /// Resources that the net would claim exclusively, and topics that it would publish.
+    pub uses: Vec<String>,
+}
+
 /// Answer to START, CANCEL, ABORT and UNLOAD.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Done {

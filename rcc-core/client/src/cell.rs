@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{
-    CommandRef, CommandView, DeviceView, ErrorBody, Loaded, OnClientLoss, StatusView, Switch,
-    Switched,
+    Checked, CommandRef, CommandView, DeviceView, ErrorBody, Loaded, OnClientLoss, StatusView,
+    Switch, Switched,
 };
 use rcc_api::codes;
 use serde::de::DeserializeOwned;
@@ -151,6 +151,16 @@ impl Cell {
                 _ => return Ok(command),
             }
         }
+    }
+
+    /// Checks a text as LOAD does, and loads nothing: a net, or the configuration of a cell; `file` is its name in
+    /// diagnostics. The rehearsal is part of LOAD only.
+    ///
+    /// # Errors
+    /// Fails if the loader would refuse every net. An invalid text is no error here.
+    pub fn check(&self, text: &str, file: &str) -> Result<Checked, ClientError> {
+        let path = format!("/check?file={}", segment(file));
+        Ok(self.client.post(&path, text.to_owned())?)
     }
 
     /// Returns a loaded command, by id or by the name of its net (then the newest).

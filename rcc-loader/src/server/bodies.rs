@@ -48,7 +48,7 @@ pub const BODY_TIME_MAX: Duration = Duration::from_secs(5);
 #[must_use]
 pub fn body_max(method: &Method, route: &str) -> Option<usize> {
     match (method.as_str(), route) {
-        ("POST", "/commands") => Some(TEXT_MAX),
+        ("POST", "/commands" | "/check") => Some(TEXT_MAX),
         ("POST", "/commands/{name}/start" | "/switch" | "/rules") => Some(SET_TEXT_MAX),
         ("POST", "/leases" | "/leases/{lease}/commands") => Some(SET_TEXT_MAX),
         ("PUT", "/commands/{name}/inputs") => Some(SET_TEXT_MAX),

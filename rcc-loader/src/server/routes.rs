@@ -93,6 +93,7 @@ struct ServerState {
     ),
     paths(
         load::load,
+        load::check,
         list,
         detail,
         start,
@@ -168,6 +169,7 @@ pub fn router(service: Arc<Service>, helpers: &Helpers) -> io::Result<Router> {
 fn routes(state: ServerState) -> Router {
     Router::new()
         .route("/commands", post(load::load).get(list))
+        .route("/check", post(load::check))
         .route("/commands/{name}", get(detail).delete(unload))
         .route("/commands/{name}/start", post(start))
         .route("/commands/{name}/inputs", put(set))
@@ -470,6 +472,7 @@ mod tests {
             names
         });
         let expected = [
+            "/check",
             "/commands",
             "/commands/{name}",
             "/commands/{name}/abort",

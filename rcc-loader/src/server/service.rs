@@ -31,6 +31,7 @@ use configuration::WatchedFiles;
 pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
 pub use stream::{EventStream, STREAM_NETS_MAX, StreamRequest, USUAL_RATE_MAX};
 
+mod check;
 mod configuration;
 pub mod events;
 mod handover;

@@ -1,5 +1,5 @@
-//! The route of LOAD: the answer is an id, and the text is compiled afterwards. Run by the serving thread; reserving and
-//! compiling are the work of blocking threads.
+//! The routes of texts. LOAD answers with an id, and the text is compiled afterwards; a check compiles it and loads nothing.
+//! Run by the serving thread; reserving and compiling are the work of blocking threads.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use axum::body::Bytes;
 use axum::extract::{Extension, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use rcc_api::bodies::{ErrorBody, Loaded};
+use rcc_api::bodies::{Checked, ErrorBody, Loaded};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_core::printable::Printable;
@@ -21,6 +21,7 @@ use super::{LOADING, ServerState};
 use crate::server::bodies::{LONG_TEXT, TextMemory};
 use crate::server::caller::Caller;
 use crate::server::error::ErrorResponse;
+use crate::server::fair_queue::FairQueue;
 use crate::server::peer::ClientPeer;
 use crate::server::service::Service;
 
@@ -59,6 +60,38 @@ pub(super) async fn load(
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
 }
 
+/// Checks a text with the devices of this cell, as LOAD does, and loads nothing: a net, or the configuration of a cell. The
+/// rehearsal is part of LOAD only.
+#[utoipa::path(post, path = "/check", operation_id = "checkText", tag = "commands", request_body(content((Object = "application/json"), (String = "application/yaml")), description = "a net, or the configuration of a cell"),
+    params(("file" = Option<String>, Query, description = "file name for diagnostics")),
+    responses((status = 200, body = Checked), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+pub(super) async fn check(
+    State(state): State<ServerState>,
+    Query(query): Query<LoadQuery>,
+    Extension(memory): Extension<TextMemory>,
+    Extension(peer): Extension<ClientPeer>,
+    body: Bytes,
+) -> Result<Response, ErrorResponse> {
+    let place = state.loading.take(peer, 1);
+    let _place = place.ok_or_else(|| too_many_of(LOADING, "texts are being compiled"))?;
+    let file = Printable(query.file.as_deref().unwrap_or("text")).to_string();
+    let _turn = turns_of(&state, body.len()).take(peer).await;
+    let checked = blocking(state, move |service| {
+        let checked = service.check(&text_of(body, "the text is")?, &file);
+        drop(memory);
+        checked
+    });
+    Ok(Json(checked.await?).into_response())
+}
+
+/// Returns the queue in which a text of this size waits for its turn.
+fn turns_of(state: &ServerState, bytes: usize) -> Arc<FairQueue> {
+    Arc::clone(match bytes > LONG_TEXT {
+        true => &state.compiling_long,
+        false => &state.compiling,
+    })
+}
+
 /// Reserves an id, answers, and compiles the text.
 async fn load_text(
     state: ServerState,
@@ -66,10 +99,7 @@ async fn load_text(
     (body, file): (Bytes, String),
     answer: oneshot::Sender<Result<u64, ApiError>>,
 ) {
-    let turns = Arc::clone(match body.len() > LONG_TEXT {
-        true => &state.compiling_long,
-        false => &state.compiling,
-    });
+    let turns = turns_of(&state, body.len());
     let reserve = move |service: &Service| service.reserve(&caller, text_of(body, "the text is")?);
     let reserved = blocking(state.clone(), reserve).await;
     let id = reserved.as_ref().ok().copied();

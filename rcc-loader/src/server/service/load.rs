@@ -11,6 +11,7 @@ use rcc_api::command_file::CommandFile;
 use rcc_api::compile::{self, Compiled};
 use rcc_api::error::ApiError;
 use rcc_core::message::CommandState;
+use rcc_core::plan::Resource;
 use rcc_protocol::control::{Answer, Call};
 use rcc_protocol::events::{EventKind, event_text, hex_digits};
 
@@ -164,6 +165,20 @@ impl Service {
         });
     }
 
+    /// Names the resources that a net claims, and the topics that it publishes.
+    pub(super) fn named_uses(
+        &self,
+        id: u64,
+        uses: Vec<Resource>,
+        topics: &[String],
+    ) -> Vec<String> {
+        self.with_names(None, |names| {
+            let uses = uses.into_iter().map(|use_| names.resource(id, use_));
+            uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
+                .collect()
+        })
+    }
+
     fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
         let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
@@ -193,11 +208,7 @@ impl Service {
                 return kept;
             }
         };
-        file.uses = self.with_names(None, |names| {
-            let uses = uses.into_iter().map(|use_| names.resource(id, use_));
-            uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
-                .collect()
-        });
+        file.uses = self.named_uses(id, uses, &topics);
         let outcomes = names.outcomes.clone();
         (file.net, file.description, file.names) = (net, description, Some(names));
         (file.diagnostics, file.primitives) = (warnings, primitives);
