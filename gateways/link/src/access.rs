@@ -2,21 +2,20 @@
 //!
 //! Everything that no rule allows is dropped in silence; the other side sees no answer.
 
-use std::collections::BTreeMap;
-
+use rcc_config::LinkRights;
 use serde_json::{Value, json};
 
-use crate::keys::{CellKeys, Operation};
+use crate::keys::{CellKeys, DeployStep, Operation};
 
 /// Role of a process on the link.
 #[derive(Clone, Copy, Debug)]
 pub enum Role<'a> {
-    /// Carries this cell; these peers (`SITE/CELL`) may start these nets.
+    /// Carries this cell.
     Gateway {
         /// The cell, `SITE/CELL`; the certificate must have this common name.
         cell: &'a str,
-        /// Nets by peer.
-        start: &'a BTreeMap<String, Vec<String>>,
+        /// What its peers may do.
+        rights: &'a LinkRights,
     },
     /// Takes topics of this cell, `SITE/CELL`, from a process with its certificate only.
     Device {
@@ -90,7 +89,7 @@ pub fn access_control(role: Role<'_>) -> Option<Value> {
     let mut rules = Rules::default();
     match role {
         Role::Operator => return None,
-        Role::Gateway { cell, start } => {
+        Role::Gateway { cell, rights } => {
             let keys = CellKeys::of(cell);
             rules.allow("egress", None, &GIVES, &keys.all());
             let [reads, query] = [&TAKES[..3], &TAKES[3..]];
@@ -98,16 +97,24 @@ pub fn access_control(role: Role<'_>) -> Option<Value> {
             let asked = [
                 CellKeys::of("*/*").status(),
                 keys.request("*/*", Operation::Cancel, "*"),
+                // Nothing changes by it. The gateway answers who may not deploy; a dropped request would have no words.
+                keys.request("*/*", Operation::Deploy(DeployStep::Check), "*"),
             ];
             rules.allow("ingress", None, query, &asked);
-            for (peer, nets) in start {
-                let asked: Vec<String> = nets
-                    .iter()
-                    .map(|net| keys.request(peer, Operation::Start, net))
-                    .collect();
-                if !asked.is_empty() {
-                    rules.allow("ingress", Some(peer), query, &asked);
-                }
+            let start = rights.start.iter();
+            let start = start.flat_map(|(peer, nets)| nets.iter().map(move |net| (peer, net)));
+            for (peer, net) in start {
+                let asked = keys.request(peer, Operation::Start, net);
+                rules.allow("ingress", Some(peer), query, &[asked]);
+            }
+            for peer in &rights.deploy {
+                let asked = [DeployStep::Load, DeployStep::Unload]
+                    .map(|step| keys.request(peer, Operation::Deploy(step), "*"));
+                rules.allow("ingress", Some(peer), query, &asked);
+            }
+            for peer in &rights.configure {
+                let asked = keys.request(peer, Operation::Deploy(DeployStep::Replace), "*");
+                rules.allow("ingress", Some(peer), query, &[asked]);
             }
         }
         Role::Device { peer } => {
@@ -143,11 +150,48 @@ mod tests {
     }
 
     #[test]
-    fn a_net_is_started_by_the_certificate_of_its_peer_only_and_canceled_by_anyone() {
-        let start = BTreeMap::from([("lab/feeder".to_owned(), vec!["close-door".to_owned()])]);
+    fn nets_and_configuration_come_from_the_certificates_of_those_who_may_only() {
+        let rights = LinkRights {
+            deploy: vec!["lab/office".to_owned()],
+            configure: vec!["lab/office".to_owned(), "lab/chief".to_owned()],
+            ..LinkRights::default()
+        };
         let role = Role::Gateway {
             cell: "lab/press",
-            start: &start,
+            rights: &rights,
+        };
+        let control = access_control(role).expect("rules");
+        let key =
+            |peer: &str, operation: &str| format!("rcc/lab/press/request/{peer}/{operation}/*");
+        assert_eq!(
+            keys(&control, "lab/office", "ingress", "query"),
+            ["load", "unload", "replace"].map(|operation| key("lab/office", operation))
+        );
+        assert_eq!(
+            keys(&control, "lab/chief", "ingress", "query"),
+            [key("lab/chief", "replace")]
+        );
+        let anyone = keys(&control, ANYONE, "ingress", "query");
+        for operation in ["load", "unload", "replace", "start"] {
+            assert!(
+                !anyone
+                    .iter()
+                    .any(|key| key.contains(&format!("/{operation}/"))),
+                "{anyone:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_net_is_started_by_the_certificate_of_its_peer_only_and_canceled_by_anyone() {
+        let nets = vec!["close-door".to_owned()];
+        let rights = LinkRights {
+            start: [("lab/feeder".to_owned(), nets)].into(),
+            ..LinkRights::default()
+        };
+        let role = Role::Gateway {
+            cell: "lab/press",
+            rights: &rights,
         };
         let control = access_control(role).expect("rules");
         assert_eq!(control["default_permission"], "deny");
@@ -157,7 +201,11 @@ mod tests {
         );
         assert_eq!(
             keys(&control, ANYONE, "ingress", "query"),
-            ["rcc/*/*/status", "rcc/lab/press/request/*/*/cancel/*"]
+            [
+                "rcc/*/*/status",
+                "rcc/lab/press/request/*/*/cancel/*",
+                "rcc/lab/press/request/*/*/check/*"
+            ]
         );
         assert!(keys(&control, ANYONE, "ingress", "put").is_empty());
         assert!(keys(&control, ANYONE, "egress", "put").contains(&"rcc/lab/press/**".to_owned()));

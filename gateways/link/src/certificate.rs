@@ -89,6 +89,15 @@ pub fn check(files: &TlsFiles, cell: Option<&str>) -> Result<(), CertificateErro
     }
 }
 
+/// Returns the common name of the own certificate, by which other cells know this process.
+///
+/// # Errors
+/// Fails if the file cannot be used or has no common name.
+pub fn own_name(files: &TlsFiles) -> Result<String, CertificateError> {
+    let file = files.certificate.display().to_string();
+    read_certificate(&files.certificate)?.ok_or(CertificateError::NoName { file })
+}
+
 /// Returns the common name of the first certificate in a file, if it has one.
 fn read_certificate(path: &Path) -> Result<Option<String>, CertificateError> {
     let file = path.display().to_string();

@@ -2,8 +2,8 @@
 //! `expires` is null. Run by the host's exchange thread; Zenoh's threads fill the [`Inbox`].
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use rcc_config::link::{TLS_KEYS, TlsFiles, is_cell_key, is_endpoint};
@@ -43,7 +43,7 @@ pub const STALE: u32 = 104;
 pub const REASONS: &[Reason] = &[
     (
         NO_CONNECTION,
-        "nothing answers at settings.connect: check the address, the network, that rcc-link listens there (`link: listen`), and \
+        "nothing answers at settings.connect or settings.router: check the address, the network, that rcc-link listens there (`link: listen`), and \
          with settings.tls the certificates of both sides",
     ),
     (
@@ -88,7 +88,8 @@ pub struct LinkDevice {
 #[derive(Debug)]
 struct SharedLink {
     inbox: Arc<Inbox>,
-    session: Session,
+    /// Not there until a router has answered.
+    session: OnceLock<Session>,
     peer: String,
     expires_ns: u64,
     /// Liveliness tokens of the other cell. Written by Zenoh's threads only; no other memory depends on it.
@@ -114,6 +115,7 @@ impl Driver for LinkDevice {
         let expected = "endpoints, such as [\"tcp/192.168.0.7:7447\"]";
         let connect = settings.read("connect", expected, Some(Vec::new()), endpoints)?;
         let listen = settings.read("listen", expected, Some(Vec::new()), endpoints)?;
+        let router = settings.read("router", expected, Some(Vec::new()), endpoints)?;
         let tls = settings.read(
             "tls",
             "{authority: FILE, certificate: FILE, key: FILE} with absolute paths",
@@ -130,13 +132,28 @@ impl Driver for LinkDevice {
             &words,
         )?;
         settings.finish()?;
-        if connect.is_empty() && listen.is_empty() {
-            return Err(DriverError::Setting {
-                device: device.name.clone(),
-                key: "connect".to_owned(),
-                cause: "is missing, and `listen` too".to_owned(),
-                expected,
-            });
+        let refused = |key: &str, cause: &str| DriverError::Setting {
+            device: device.name.clone(),
+            key: key.to_owned(),
+            cause: cause.to_owned(),
+            expected,
+        };
+        let is_direct = !connect.is_empty() || !listen.is_empty();
+        match (is_direct, router.is_empty(), &tls) {
+            (false, true, _) => {
+                return Err(refused(
+                    "connect",
+                    "is missing, and `listen` and `router` too",
+                ));
+            }
+            (true, false, _) => {
+                return Err(refused("router", "goes without `connect` and `listen`"));
+            }
+            (false, false, Some(_)) => {
+                let cause = "shows its own certificate for all cells, so that `tls` could not tell whose values arrive: use `connect`";
+                return Err(refused("router", cause));
+            }
+            _ => {}
         }
         if device.robot.is_some() {
             return Err(DriverError::Robot {
@@ -146,7 +163,8 @@ impl Driver for LinkDevice {
         }
         let inbox = Arc::new(Inbox::new(link_channels(device)?));
         let expires_ns = u64::try_from(expires.as_nanos()).unwrap_or(u64::MAX);
-        let opened = SharedLink::open((&listen, &connect), tls.as_ref(), peer, &inbox, expires_ns);
+        let endpoints = (listen.as_slice(), connect.as_slice(), router.as_slice());
+        let opened = SharedLink::open(endpoints, tls.as_ref(), peer, &inbox, expires_ns);
         let shared = opened.map_err(|error| DriverError::System {
             device: device.name.clone(),
             key: if listen.is_empty() {
@@ -162,7 +180,7 @@ impl Driver for LinkDevice {
             on_loss,
             expires_ns,
             inbox,
-            shared: Arc::new(shared),
+            shared,
         })
     }
 
@@ -231,23 +249,45 @@ fn endpoints(value: &Value) -> Option<Vec<String>> {
 
 impl SharedLink {
     fn open(
-        (listen, connect): (&[String], &[String]),
+        (listen, connect, router): (&[String], &[String], &[String]),
         tls: Option<&TlsFiles>,
         peer: String,
         inbox: &Arc<Inbox>,
         expires_ns: u64,
-    ) -> Result<SharedLink, SessionError> {
-        let role = Role::Device { peer: &peer };
-        let identity = tls.map(|files| Identity { files, role });
-        let session = session::open(listen, connect, identity)?;
-        let keys = CellKeys::of(&peer);
+    ) -> Result<Arc<SharedLink>, SessionError> {
+        let shared = Arc::new(SharedLink {
+            inbox: Arc::clone(inbox),
+            session: OnceLock::new(),
+            peer,
+            expires_ns,
+            alive: Arc::new(AtomicUsize::new(0)),
+            connections: AtomicUsize::new(0),
+        });
+        if router.is_empty() {
+            let role = Role::Device { peer: &shared.peer };
+            let identity = tls.map(|files| Identity { files, role });
+            shared.begin(session::open(listen, connect, identity)?)?;
+            return Ok(shared);
+        }
+        let own = Arc::clone(&shared);
+        session::open_by_router(router, None, move |session| {
+            if let Err(error) = session.and_then(|session| own.begin(session)) {
+                tracing::error!("{error}");
+            }
+        })?;
+        Ok(shared)
+    }
+
+    /// Subscribes to the topics, and to the liveliness of the other cell.
+    fn begin(&self, session: Session) -> Result<(), SessionError> {
+        let keys = CellKeys::of(&self.peer);
         let declared = |error: zenoh::Error| SessionError::Declare(error.to_string());
-        for topic in inbox.topics() {
+        for topic in self.inbox.topics() {
             // Channels have names of topics that are keys.
             let Some(key) = keys.topic(&topic) else {
                 continue;
             };
-            let filled = Arc::clone(inbox);
+            let filled = Arc::clone(&self.inbox);
             let subscriber = session.declare_subscriber(key).callback(move |sample| {
                 if sample.kind() == SampleKind::Put {
                     filled.take(&topic, &sample.payload().to_bytes());
@@ -255,8 +295,7 @@ impl SharedLink {
             });
             subscriber.background().wait().map_err(declared)?;
         }
-        let alive = Arc::new(AtomicUsize::new(0));
-        let count = Arc::clone(&alive);
+        let count = Arc::clone(&self.alive);
         let tokens = session.liveliness().declare_subscriber(keys.alive("*"));
         let tokens = tokens.history(true).callback(move |sample| {
             // A token that was lost comes back as a new one.
@@ -269,14 +308,9 @@ impl SharedLink {
             let _ = count.fetch_update(Ordering::Relaxed, Ordering::Relaxed, next);
         });
         tokens.background().wait().map_err(declared)?;
-        Ok(SharedLink {
-            inbox: Arc::clone(inbox),
-            session,
-            peer,
-            expires_ns,
-            alive,
-            connections: AtomicUsize::new(0),
-        })
+        // It is called once.
+        let _ = self.session.set(session);
+        Ok(())
     }
 
     /// Returns the reason number for the worst state of a channel.
@@ -294,8 +328,10 @@ impl SharedLink {
 
 impl LinkDiagnosis for SharedLink {
     fn link(&self) -> Value {
-        let connections = self.session.info().peers_zid().wait().count()
-            + self.session.info().routers_zid().wait().count();
+        let connections = self.session.get().map_or(0, |session| {
+            let info = session.info();
+            info.peers_zid().wait().count() + info.routers_zid().wait().count()
+        });
         self.connections.store(connections, Ordering::Relaxed);
         let now_ns = self.inbox.now_ns();
         json!({

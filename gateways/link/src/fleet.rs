@@ -1,26 +1,35 @@
-//! Requests of an operator over the link: the list of cells, and START and CANCEL of their nets. Run by the main thread of
-//! `rcc-link`.
+//! Requests of an operator over the link: the list of cells, their messages, and what a cell is asked for. Run by the main
+//! thread of `rcc-link`.
 
 use std::collections::BTreeMap;
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use rcc_config::link::TlsFiles;
 use serde_json::Value;
-use zenoh::query::ConsolidationMode;
-use zenoh::sample::Sample;
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::query::{ConsolidationMode, Reply};
+use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 use crate::access::Role;
-use crate::keys::{CellKeys, Operation};
+use crate::keys::{CellKeys, DeployStep, Operation};
+use crate::overview::CellOverview;
+use crate::screen::FleetNews;
 use crate::session::{self, Identity, SessionError};
 
 /// Longest wait for a first connection.
 const CONNECT_MAX: Duration = Duration::from_secs(5);
-/// Interval at which it is looked for.
+/// Longest wait for connections to the other endpoints.
+const OTHERS_MAX: Duration = Duration::from_secs(1);
+/// Interval at which they are looked for.
 const LOOK: Duration = Duration::from_millis(20);
 /// Longest wait for answers.
 const ANSWER_MAX: Duration = Duration::from_secs(3);
+/// Longest wait for the answer to a text that is checked.
+const CHECK_MAX: Duration = Duration::from_secs(20);
+/// Longest wait for a net that is loaded: longer than its gateway waits for the loader.
+const LOAD_MAX: Duration = Duration::from_secs(75);
 
 /// Messages that wait for their reader.
 const MESSAGES_MAX: usize = 1024;
@@ -42,8 +51,8 @@ pub enum FleetError {
     Ask(String),
     /// The other cell does not answer.
     #[error(
-        "{cell} does not answer: `rcc-link cells` lists the cells that are there; with TLS it drops START of a net that its `link: \
-         start` does not give to this certificate"
+        "{cell} does not answer: `rcc-link cells` lists the cells that are there; with TLS it drops what its `link: start`, \
+         `deploy` and `configure` do not allow this certificate"
     )]
     NoAnswer {
         /// `SITE/CELL`.
@@ -68,23 +77,52 @@ pub struct FoundCell {
     pub status: Option<Value>,
 }
 
-/// Connects to the link, and waits for the first connection.
+/// Connects to the link through the first of these routers that answers.
 ///
 /// # Errors
-/// Fails if nothing answers.
+/// Fails if none answers.
+pub fn connect_by_router(
+    routers: &[String],
+    tls: Option<&TlsFiles>,
+) -> Result<Session, FleetError> {
+    let role = Role::Operator;
+    let identity = tls.map(|files| Identity { files, role });
+    let (told, opened) = sync_channel(1);
+    session::open_by_router(routers, identity, move |session| {
+        // Without a receiver the wait was too long.
+        let _ = told.send(session);
+    })?;
+    match opened.recv_timeout(CONNECT_MAX) {
+        Ok(session) => Ok(session?),
+        Err(_) => Err(FleetError::NoConnection(routers.join(", "))),
+    }
+}
+
+/// Connects to the link, and waits for the first connection, and a moment for those to the other endpoints.
+///
+/// # Errors
+/// Fails if nothing answers at any of them.
 pub fn connect(endpoints: &[String], tls: Option<&TlsFiles>) -> Result<Session, FleetError> {
     let role = Role::Operator;
     let identity = tls.map(|files| Identity { files, role });
     let session = session::open(&[], endpoints, identity)?;
-    let until = Instant::now() + CONNECT_MAX;
-    while session.info().peers_zid().wait().next().is_none()
-        && session.info().routers_zid().wait().next().is_none()
-    {
-        if Instant::now() > until {
-            return Err(FleetError::NoConnection(endpoints.join(", ")));
+    let connected = || {
+        let info = session.info();
+        info.peers_zid().wait().count() + info.routers_zid().wait().count()
+    };
+    // A connection has no event of its own.
+    let await_count = |count, until| {
+        while connected() < count && Instant::now() < until {
+            std::thread::sleep(LOOK);
         }
-        // A connection has no event of its own.
-        std::thread::sleep(LOOK);
+        connected() >= count
+    };
+    if !await_count(1, Instant::now() + CONNECT_MAX) {
+        return Err(FleetError::NoConnection(endpoints.join(", ")));
+    }
+    if !await_count(endpoints.len(), Instant::now() + OTHERS_MAX) {
+        let (count, all) = (connected(), endpoints.len());
+        tracing::warn!("{count} of {all} endpoints answer");
     }
     Ok(session)
 }
@@ -163,6 +201,49 @@ pub fn follow(
     Err(FleetError::Ask("the session has ended".to_owned()))
 }
 
+/// Sends what is learnt of the cells of a site, `*` for all: first which are there, then every change.
+///
+/// # Errors
+/// Fails if the network refuses the subscriptions.
+pub fn watch(
+    session: &Session,
+    site: &str,
+    told: &SyncSender<FleetNews>,
+) -> Result<(), FleetError> {
+    let ask = |error: zenoh::Error| FleetError::Ask(error.to_string());
+    let all = CellKeys::new(site, "*");
+    let sender = told.clone();
+    let overviews = session
+        .declare_subscriber(all.overview())
+        .callback(move |sample| {
+            let overview = CellOverview::read(&sample.payload().to_bytes());
+            let cell = cell_of(sample.key_expr().as_str());
+            if let (Some(cell), Some(overview)) = (cell, overview) {
+                // The next one follows in a second, whether the reader is behind or has ended.
+                let _ = sender.try_send(FleetNews::Overview(cell, Box::new(overview)));
+            }
+        });
+    overviews.background().wait().map_err(ask)?;
+    let sender = told.clone();
+    let tokens = session
+        .liveliness()
+        .declare_subscriber(all.alive("*"))
+        .history(true);
+    let tokens = tokens.callback(move |sample| {
+        let key = sample.key_expr().as_str();
+        let incarnation = key.rsplit('/').next().unwrap_or_default().to_owned();
+        if let Some(cell) = cell_of(key) {
+            let news = match sample.kind() {
+                SampleKind::Put => FleetNews::Alive(cell, incarnation),
+                SampleKind::Delete => FleetNews::Gone(cell, incarnation),
+            };
+            // Not repeated: Zenoh's thread waits for the reader; one that has ended needs nothing more.
+            let _ = sender.send(news);
+        }
+    });
+    tokens.background().wait().map_err(ask)
+}
+
 fn message(sample: &Sample) -> Option<CellMessage> {
     let key = sample.key_expr().as_str();
     let name = key.splitn(5, '/').nth(4)?.to_owned();
@@ -173,34 +254,81 @@ fn message(sample: &Sample) -> Option<CellMessage> {
     })
 }
 
-/// Asks a cell for START or CANCEL of a net, as `peer`; returns its answer.
-///
-/// # Errors
-/// Fails if the cell refuses, or does not answer.
-pub fn ask(
-    session: &Session,
-    (peer, cell): (&str, &str),
-    operation: Operation,
-    net: &str,
-) -> Result<Value, FleetError> {
-    let key = CellKeys::of(cell).request(peer, operation, net);
-    let answers = session.get(key).timeout(ANSWER_MAX).wait();
-    let answers = answers.map_err(|error| FleetError::Ask(error.to_string()))?;
-    let cell = cell.to_owned();
-    let Some(reply) = answers.iter().next() else {
-        return Err(FleetError::NoAnswer { cell });
-    };
-    let read = |bytes: &[u8]| serde_json::from_slice(bytes).unwrap_or(Value::Null);
-    match reply.result() {
-        Ok(sample) => Ok(read(&sample.payload().to_bytes())),
-        Err(error) => {
-            let body: Value = read(&error.payload().to_bytes());
-            match body["error"].as_str() {
-                Some(words) => Err(FleetError::Refused {
-                    cell,
-                    words: words.to_owned(),
-                }),
-                None => Err(FleetError::NoAnswer { cell }),
+/// What a peer asks a cell for.
+#[derive(Clone, Copy, Debug)]
+pub struct CellRequest<'a> {
+    /// The peer that asks, `SITE/NAME`.
+    pub peer: &'a str,
+    /// The cell that is asked, `SITE/CELL`.
+    pub cell: &'a str,
+    /// What for.
+    pub operation: Operation,
+    /// Name of the net, or of the cell whose configuration it is.
+    pub net: &'a str,
+    /// The text that a deployment sends; empty for others.
+    pub text: &'a str,
+}
+
+/// The answers to a request that was sent.
+pub struct PendingAnswer {
+    cell: String,
+    answers: FifoChannelHandler<Reply>,
+}
+
+impl CellRequest<'_> {
+    /// Sends the request.
+    ///
+    /// # Errors
+    /// Fails if the network refuses it.
+    pub fn send(&self, session: &Session) -> Result<PendingAnswer, FleetError> {
+        let key = CellKeys::of(self.cell).request(self.peer, self.operation, self.net);
+        let limit = match self.operation {
+            Operation::Start | Operation::Cancel => ANSWER_MAX,
+            Operation::Deploy(DeployStep::Load) => LOAD_MAX,
+            Operation::Deploy(_) => CHECK_MAX,
+        };
+        let get = session.get(key).timeout(limit);
+        let answers = match self.text {
+            "" => get.wait(),
+            text => get.payload(text).wait(),
+        };
+        Ok(PendingAnswer {
+            cell: self.cell.to_owned(),
+            answers: answers.map_err(|error| FleetError::Ask(error.to_string()))?,
+        })
+    }
+
+    /// Sends the request and returns the answer of the cell.
+    ///
+    /// # Errors
+    /// Fails if the cell refuses, or does not answer.
+    pub fn ask(&self, session: &Session) -> Result<Value, FleetError> {
+        self.send(session)?.answer()
+    }
+}
+
+impl PendingAnswer {
+    /// Waits for the answer of the cell.
+    ///
+    /// # Errors
+    /// Fails if the cell refuses, or does not answer.
+    pub fn answer(self) -> Result<Value, FleetError> {
+        let PendingAnswer { cell, answers } = self;
+        let Some(reply) = answers.iter().next() else {
+            return Err(FleetError::NoAnswer { cell });
+        };
+        let read = |bytes: &[u8]| serde_json::from_slice(bytes).unwrap_or(Value::Null);
+        match reply.result() {
+            Ok(sample) => Ok(read(&sample.payload().to_bytes())),
+            Err(error) => {
+                let body: Value = read(&error.payload().to_bytes());
+                match body["error"].as_str() {
+                    Some(words) => Err(FleetError::Refused {
+                        cell,
+                        words: words.to_owned(),
+                    }),
+                    None => Err(FleetError::NoAnswer { cell }),
+                }
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The gateway: reads a cell through its loader, and publishes topics, events and states of its nets. One thread looks at
 //! the cell, one for every eight nets reads values, and the thread that called [`run`] publishes. Zenoh's threads pass
-//! requests of other cells to a thread of their own.
+//! requests of other cells to two threads of their own.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{CommandView, EventView};
 use rcc_client::{LoaderClient, RequestError, StreamValues};
-use rcc_config::LinkConfig;
+use rcc_config::{CellConfig, LinkConfig};
 use rcc_process::helpers;
 use serde_json::{Value, json};
 use zenoh::liveliness::LivelinessToken;
@@ -20,12 +20,14 @@ use zenoh::{Session, Wait};
 use crate::access::Role;
 use crate::keys::CellKeys;
 use crate::message::{TopicMessage, VERSION};
+use crate::overview::CellOverview;
 use crate::session::{self, Identity, SessionError};
 use cycles::CycleTime;
 use observer::Observer;
 use requests::Requests;
 
 mod cycles;
+mod deployment;
 mod observer;
 mod requests;
 mod values;
@@ -44,6 +46,8 @@ pub struct GatewayOptions {
     pub cell: String,
     /// Its link.
     pub link: LinkConfig,
+    /// Its configuration, which has that link.
+    pub config: CellConfig,
 }
 
 /// Why the gateway ends.
@@ -94,6 +98,8 @@ pub(crate) enum News {
     Event(Box<EventView>),
     /// The new state of a command.
     State(Box<CommandView>),
+    /// The state of the cell.
+    Overview(Box<CellOverview>),
 }
 
 /// Publishes until `stop`.
@@ -104,10 +110,12 @@ pub fn run(options: &GatewayOptions, stop: &Arc<AtomicBool>) -> Result<(), Gatew
     let cell = format!("{}/{}", options.link.site, options.cell);
     let keys = CellKeys::of(&cell);
     let link = &options.link;
-    let (cell, start) = (cell.as_str(), &link.start);
-    let role = Role::Gateway { cell, start };
+    let (cell, rights) = (cell.as_str(), &link.rights);
+    let role = Role::Gateway { cell, rights };
     let identity = link.tls.as_ref().map(|files| Identity { files, role });
-    let session = session::open(&link.listen, &link.connect, identity)?;
+    let Some(session) = opened(link, identity, stop)? else {
+        return Ok(());
+    };
     let requests = Requests::serve(&session, &keys, options)?;
     let (told, news) = sync_channel(NEWS_MAX);
     let observer = Observer::new(loader(&options.cell)?, options, told, Arc::clone(stop));
@@ -127,6 +135,31 @@ pub fn run(options: &GatewayOptions, stop: &Arc<AtomicBool>) -> Result<(), Gatew
     // The process ends; an error would only say that the other side is gone.
     let _ = session.close().wait();
     result
+}
+
+/// Opens the session; `None` if the gateway is told to end before a router answers.
+fn opened(
+    link: &LinkConfig,
+    identity: Option<Identity<'_>>,
+    stop: &AtomicBool,
+) -> Result<Option<Session>, GatewayError> {
+    if link.router.is_empty() {
+        return Ok(Some(session::open(&link.listen, &link.connect, identity)?));
+    }
+    let (told, opened) = sync_channel(1);
+    session::open_by_router(&link.router, identity, move |session| {
+        // Without a receiver the gateway has ended.
+        let _ = told.send(session);
+    })?;
+    // Acquire pairs with the release of the thread that waits for signals.
+    while !stop.load(Ordering::Acquire) {
+        match opened.recv_timeout(TURN) {
+            Ok(session) => return Ok(Some(session?)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Err(GatewayError::Ended),
+        }
+    }
+    Ok(None)
 }
 
 /// Distinguishes two lives of one process id.
@@ -178,6 +211,7 @@ impl LinkPublisher {
                 self.is_alive(incarnation);
             }
             News::NoExecutor => (self.cycle, self.alive) = (None, None),
+            News::Overview(overview) => self.put(&self.keys.overview(), &json!(overview)),
             News::Event(event) => self.put(&self.keys.event(&event.kind), &json!(event)),
             News::State(state) => {
                 let state = *state;

@@ -10,22 +10,51 @@ pub struct CellKeys {
     base: String,
 }
 
-/// An operation on a net that another cell asks for.
+/// An operation that a peer asks a cell for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// START: only nets that the configuration names for that peer.
     Start,
     /// CANCEL: always.
     Cancel,
+    /// A step of a deployment; only of peers that the configuration names.
+    Deploy(DeployStep),
+}
+
+/// A step of a deployment; the text comes with the request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeployStep {
+    /// Says whether the cell would take a net, or another file of its configuration.
+    Check,
+    /// LOAD of a net.
+    Load,
+    /// UNLOAD of `NET#ID`, which was loaded in this way.
+    Unload,
+    /// Replaces the file of the cell's configuration.
+    Replace,
 }
 
 impl Operation {
-    /// Returns its name in keys, which is that of the loader's route.
+    /// All of them.
+    const ALL: [Operation; 6] = [
+        Operation::Start,
+        Operation::Cancel,
+        Operation::Deploy(DeployStep::Check),
+        Operation::Deploy(DeployStep::Load),
+        Operation::Deploy(DeployStep::Unload),
+        Operation::Deploy(DeployStep::Replace),
+    ];
+
+    /// Returns its name in keys; that of START and CANCEL is also that of the loader's route.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Operation::Start => "start",
             Operation::Cancel => "cancel",
+            Operation::Deploy(DeployStep::Check) => "check",
+            Operation::Deploy(DeployStep::Load) => "load",
+            Operation::Deploy(DeployStep::Unload) => "unload",
+            Operation::Deploy(DeployStep::Replace) => "replace",
         }
     }
 }
@@ -37,7 +66,7 @@ pub struct RequestKey {
     pub peer: String,
     /// What it asks for.
     pub operation: Operation,
-    /// Name of the net.
+    /// Name of the net, or of the cell whose configuration it is.
     pub net: String,
 }
 
@@ -78,6 +107,12 @@ impl CellKeys {
     #[must_use]
     pub fn status(&self) -> String {
         format!("{}/status", self.base)
+    }
+
+    /// Returns the key of the overview, which is published once a second.
+    #[must_use]
+    pub fn overview(&self) -> String {
+        format!("{}/overview", self.base)
     }
 
     /// Returns the key of the liveliness token of an executor; a part that begins with `@` is matched by no `*`.
@@ -130,7 +165,7 @@ impl CellKeys {
         let &[site, cell, operation, net] = parts.as_slice() else {
             return None;
         };
-        let operation = [Operation::Start, Operation::Cancel]
+        let operation = Operation::ALL
             .into_iter()
             .find(|known| known.name() == operation)?;
         Some(RequestKey {

@@ -4,10 +4,14 @@
 
 pub mod access;
 pub mod age;
-mod certificate;
+pub mod cell_file;
+pub mod certificate;
+pub mod deploy;
 pub mod device;
 pub mod fleet;
 pub mod gateway;
 pub mod keys;
 pub mod message;
+pub mod overview;
+pub mod screen;
 pub mod session;

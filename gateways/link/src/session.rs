@@ -1,7 +1,8 @@
 //! Opens the Zenoh session of a process: explicit endpoints, no multicast, and a lease that is short enough to connect again
 //! soon after a cut; mutual TLS and access control if there are certificates. Zenoh's own threads run it.
 
-use rcc_config::link::{TlsFiles, is_tls};
+use rcc_config::link::{TlsFiles, is_cell_key, is_tls};
+use rcc_process::helpers;
 use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
@@ -30,9 +31,17 @@ pub enum SessionError {
         "`{0}`: with certificates every endpoint is `tls/HOST:PORT`, without them `tcp/HOST:PORT`"
     )]
     Protocol(String),
+    /// The certificate of a router could be taken for that of a cell.
+    #[error(
+        "`{0}` is the name of a cell or person: give a router a certificate with another common name, such as `router-1`"
+    )]
+    RouterName(String),
     /// The session cannot be opened.
     #[error("the link cannot be opened: {0}")]
     Open(String),
+    /// There is no thread.
+    #[error("the link cannot be opened: {0}")]
+    Thread(#[from] std::io::Error),
     /// A subscription or token cannot be declared.
     #[error("the link cannot be used: {0}")]
     Declare(String),
@@ -58,6 +67,58 @@ pub fn open(
     connect: &[String],
     identity: Option<Identity<'_>>,
 ) -> Result<Session, SessionError> {
+    opened(configured("peer", (listen, connect), identity)?)
+}
+
+/// Opens a session that reaches others through the first of these routers that answers, and calls `then` with it; a thread of
+/// its own waits for that, as long as it takes. A lost connection is made again for ever. A Zenoh router passes nothing on
+/// between peers, only between its clients, so this is one.
+///
+/// # Errors
+/// Fails if an endpoint is invalid, if a certificate cannot be used, or if there is no thread.
+pub fn open_by_router(
+    routers: &[String],
+    identity: Option<Identity<'_>>,
+    then: impl FnOnce(Result<Session, SessionError>) + Send + 'static,
+) -> Result<(), SessionError> {
+    let config = configured("client", (&[], routers), identity)?;
+    helpers::thread("router", move || then(opened(config)))?;
+    Ok(())
+}
+
+/// Opens a session that also passes on what others send to each other. With certificates its own must not have the name of a
+/// cell or person: every message that it passes on comes with its certificate, so that such a name in `link: start`, `deploy` or
+/// a device's `peer` would be that of everybody behind it.
+///
+/// # Errors
+/// As [`open`].
+pub fn route(
+    listen: &[String],
+    connect: &[String],
+    files: Option<&TlsFiles>,
+) -> Result<Session, SessionError> {
+    if let Some(files) = files {
+        let name = certificate::own_name(files)?;
+        if is_cell_key(&name) {
+            return Err(SessionError::RouterName(name));
+        }
+    }
+    let role = Role::Operator;
+    let identity = files.map(|files| Identity { files, role });
+    opened(configured("router", (listen, connect), identity)?)
+}
+
+fn opened(config: Config) -> Result<Session, SessionError> {
+    zenoh::open(config)
+        .wait()
+        .map_err(|error| SessionError::Open(error.to_string()))
+}
+
+fn configured(
+    mode: &str,
+    (listen, connect): (&[String], &[String]),
+    identity: Option<Identity<'_>>,
+) -> Result<Config, SessionError> {
     let mixed = |endpoint: &&String| is_tls(endpoint) != identity.is_some();
     if let Some(endpoint) = listen.iter().chain(connect).find(mixed) {
         return Err(SessionError::Protocol(endpoint.clone()));
@@ -76,7 +137,7 @@ pub fn open(
     }
     let [first, longest] = RETRY_MS;
     let rows = [
-        ("mode", "\"peer\"".to_owned()),
+        ("mode", format!("\"{mode}\"")),
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
         ("listen/endpoints", texts(listen)),
@@ -96,9 +157,7 @@ pub fn open(
     for (key, value) in rows {
         set(&mut config, key, &value)?;
     }
-    zenoh::open(config)
-        .wait()
-        .map_err(|error| SessionError::Open(error.to_string()))
+    Ok(config)
 }
 
 fn insert(config: &mut Config, key: &str, value: &Value) -> Result<(), SessionError> {

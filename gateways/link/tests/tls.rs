@@ -1,73 +1,23 @@
 //! Mutual TLS and access control on loopback, with certificates that the test makes. Run by the threads of the test harness.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::os::unix::fs::PermissionsExt as _;
-use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use rcc_config::LinkRights;
 use rcc_config::link::TlsFiles;
 use rcc_link::access::Role;
-use rcc_link::fleet::{self, FleetError};
-use rcc_link::keys::{CellKeys, Operation};
+use rcc_link::fleet::{self, CellRequest, FleetError};
+use rcc_link::keys::{CellKeys, DeployStep, Operation};
 use rcc_link::session::{self, Identity};
-use rcc_testing::TempDir;
-use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use zenoh::{Session, Wait};
+
+use authority::{Authority, permit};
+
+mod authority;
 
 /// Longest wait for anything that must happen.
 const LIMIT: Duration = Duration::from_secs(60);
 const PEER: &str = "lab/press";
-
-/// An authority and the certificates that it signed, in a folder of their own.
-struct Authority {
-    folder: TempDir,
-    issuer: Issuer<'static, KeyPair>,
-}
-
-impl Authority {
-    fn new() -> Authority {
-        let folder = rcc_testing::folder();
-        let mut params = CertificateParams::new(Vec::new()).expect("parameters");
-        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-        let key = KeyPair::generate().expect("a key");
-        let certificate = params.self_signed(&key).expect("a certificate");
-        fs::write(folder.path().join("ca.pem"), certificate.pem()).expect("a file");
-        let issuer = Issuer::new(params, key);
-        Authority { folder, issuer }
-    }
-
-    /// Signs a certificate for `name` at 127.0.0.1.
-    fn files(&self, name: &str) -> TlsFiles {
-        self.signed(name, |_| {})
-    }
-
-    fn signed(&self, name: &str, change: impl Fn(&mut CertificateParams)) -> TlsFiles {
-        let mut params = CertificateParams::new(vec!["127.0.0.1".to_owned()]).expect("a name");
-        params.distinguished_name.push(DnType::CommonName, name);
-        change(&mut params);
-        let key = KeyPair::generate().expect("a key");
-        let certificate = params.signed_by(&key, &self.issuer).expect("signed");
-        let path = |ending: &str| {
-            let file = format!("{}.{ending}", name.replace('/', "-"));
-            self.folder.path().join(file)
-        };
-        let files = TlsFiles {
-            authority: self.folder.path().join("ca.pem"),
-            certificate: path("pem"),
-            key: path("key"),
-        };
-        fs::write(&files.certificate, certificate.pem()).expect("a file");
-        fs::write(&files.key, key.serialize_pem()).expect("a file");
-        permit(&files.key, 0o600);
-        files
-    }
-}
-
-fn permit(file: &Path, mode: u32) {
-    fs::set_permissions(file, fs::Permissions::from_mode(mode)).expect("permissions");
-}
 
 fn port() -> u16 {
     rcc_config::free_port(rcc_config::Protocol::Tcp).expect("a port")
@@ -115,9 +65,9 @@ fn publish(
 #[test]
 fn values_in_the_name_of_another_cell_are_dropped() {
     let authority = Authority::new();
-    let (cell, start) = (PEER, &BTreeMap::new());
+    let (cell, rights) = (PEER, &LinkRights::default());
     let own = authority.files(PEER);
-    let (press, at_press) = listening(&own, Role::Gateway { cell, start });
+    let (press, at_press) = listening(&own, Role::Gateway { cell, rights });
     let other = authority.files("lab/other");
     // Without access control the impostor is believed: the way is there.
     for (role, is_believed) in [(Role::Operator, true), (Role::Device { peer: PEER }, false)] {
@@ -143,10 +93,14 @@ fn values_in_the_name_of_another_cell_are_dropped() {
 #[test]
 fn a_net_is_started_with_the_certificate_of_its_peer_only() {
     let authority = Authority::new();
-    let start = BTreeMap::from([("lab/feeder".to_owned(), vec!["close-door".to_owned()])]);
-    let (cell, start) = (PEER, &start);
+    let nets = vec!["close-door".to_owned()];
+    let rights = LinkRights {
+        start: [("lab/feeder".to_owned(), nets)].into(),
+        ..LinkRights::default()
+    };
+    let (cell, rights) = (PEER, &rights);
     let own = authority.files(PEER);
-    let (press, at_press) = listening(&own, Role::Gateway { cell, start });
+    let (press, at_press) = listening(&own, Role::Gateway { cell, rights });
     let answer = press
         .declare_queryable(CellKeys::of(PEER).requests())
         .callback(|query| {
@@ -159,7 +113,14 @@ fn a_net_is_started_with_the_certificate_of_its_peer_only() {
     let other =
         fleet::connect(&at_press, Some(&authority.files("lab/other"))).expect("a connection");
     let ask = |session: &Session, operation, net| {
-        fleet::ask(session, ("lab/feeder", PEER), operation, net)
+        let request = CellRequest {
+            peer: "lab/feeder",
+            cell: PEER,
+            operation,
+            net,
+            text: "",
+        };
+        request.ask(session)
     };
     // The declaration may arrive after the connection.
     let until = Instant::now() + LIMIT;
@@ -171,7 +132,9 @@ fn a_net_is_started_with_the_certificate_of_its_peer_only() {
         let refused = ask(session, Operation::Start, net).expect_err("dropped");
         assert!(matches!(refused, FleetError::NoAnswer { .. }), "{refused}");
         assert!(
-            refused.to_string().contains("with TLS it drops START"),
+            refused
+                .to_string()
+                .contains("with TLS it drops what its `link: start`"),
             "{refused}"
         );
     }
@@ -221,8 +184,8 @@ fn files_that_cannot_be_used_are_named_with_what_to_do() {
         params.not_after = rcgen::date_time_ymd(2020, 1, 1)
     });
     assert!(words(&old).contains("is not valid now"), "{}", words(&old));
-    let (cell, start) = (PEER, &BTreeMap::new());
-    let role = Role::Gateway { cell, start };
+    let (cell, rights) = (PEER, &LinkRights::default());
+    let role = Role::Gateway { cell, rights };
     let files = &good;
     let other = session::open(&[], &endpoint, Some(Identity { files, role }));
     let other = other.expect_err("refused").to_string();
@@ -243,4 +206,140 @@ fn files_that_cannot_be_used_are_named_with_what_to_do() {
             .contains("every endpoint is `tls/HOST:PORT`"),
         "{plain}"
     );
+}
+
+/// Everybody with a certificate may ask whether a net would be taken, and is told; nobody else's net arrives.
+#[test]
+fn nets_arrive_with_the_certificates_of_those_who_may_deploy_only() {
+    let authority = Authority::new();
+    let rights = LinkRights {
+        deploy: vec!["lab/office".to_owned()],
+        ..LinkRights::default()
+    };
+    let (cell, rights) = (PEER, &rights);
+    let own = authority.files(PEER);
+    let (press, at_press) = listening(&own, Role::Gateway { cell, rights });
+    let answer = press
+        .declare_queryable(CellKeys::of(PEER).requests())
+        .callback(|query| {
+            let key = query.key_expr().clone();
+            query.reply(key, "{\"ok\": true}").wait().expect("answered");
+        });
+    answer.background().wait().expect("a queryable");
+    let ask = |session: &Session, peer, step| {
+        let request = CellRequest {
+            peer,
+            cell: PEER,
+            operation: Operation::Deploy(step),
+            net: "line",
+            text: "net: line",
+        };
+        request.ask(session)
+    };
+    let connect = |name| fleet::connect(&at_press, Some(&authority.files(name)));
+    let office = connect("lab/office").expect("a connection");
+    let other = connect("lab/other").expect("a connection");
+    let until = Instant::now() + LIMIT;
+    while let Err(error) = ask(&office, "lab/office", DeployStep::Check) {
+        assert!(Instant::now() < until, "{error}");
+    }
+    ask(&office, "lab/office", DeployStep::Load).expect("allowed");
+    ask(&office, "lab/office", DeployStep::Unload).expect("allowed");
+    ask(&other, "lab/other", DeployStep::Check).expect("the cell answers who may not");
+    let rows = [
+        (&office, "lab/office", DeployStep::Replace),
+        (&other, "lab/other", DeployStep::Load),
+        (&other, "lab/office", DeployStep::Load),
+    ];
+    // Asked together, since each waits for an answer that does not come.
+    std::thread::scope(|scope| {
+        for (session, peer, step) in rows {
+            scope.spawn(move || {
+                let dropped = ask(session, peer, step).expect_err("dropped");
+                assert!(matches!(dropped, FleetError::NoAnswer { .. }), "{dropped}");
+            });
+        }
+    });
+}
+
+/// A session through a router that is there.
+fn by_router(router: &[String], identity: Identity<'_>) -> Session {
+    let (told, opened) = channel();
+    session::open_by_router(router, Some(identity), move |session| {
+        told.send(session).expect("it is awaited");
+    })
+    .expect("a thread");
+    opened
+        .recv_timeout(LIMIT)
+        .expect("a router")
+        .expect("a session")
+}
+
+/// A router shows its own certificate for everything that it passes on. So what anybody may do goes through it, and what needs a
+/// name does not: no START, no deployment, no values for a device.
+#[test]
+fn through_a_router_goes_only_what_every_certificate_may() {
+    let authority = Authority::new();
+    let named = authority.files("lab/router");
+    let endpoint = vec![format!("tls/127.0.0.1:{}", port())];
+    let refused = session::route(&endpoint, &[], Some(&named)).expect_err("the name of a cell");
+    assert!(
+        refused
+            .to_string()
+            .contains("`lab/router` is the name of a cell"),
+        "{refused}"
+    );
+    let own = authority.files("router-1");
+    let _router = session::route(&endpoint, &[], Some(&own)).expect("a router");
+    let peer = "lab/feeder".to_owned();
+    let rights = LinkRights {
+        start: [(peer.clone(), vec!["close-door".to_owned()])].into(),
+        deploy: vec![peer],
+        ..LinkRights::default()
+    };
+    let (cell, rights) = (PEER, &rights);
+    let files = &authority.files(PEER);
+    let role = Role::Gateway { cell, rights };
+    let press = by_router(&endpoint, Identity { files, role });
+    let answer = press
+        .declare_queryable(CellKeys::of(PEER).requests())
+        .callback(|query| {
+            let key = query.key_expr().clone();
+            query.reply(key, "{\"ok\": true}").wait().expect("answered");
+        });
+    answer.background().wait().expect("a queryable");
+    let feeder = authority.files("lab/feeder");
+    let asks = fleet::connect_by_router(&endpoint, Some(&feeder)).expect("a connection");
+    let ask = |operation| {
+        let request = CellRequest {
+            peer: "lab/feeder",
+            cell: PEER,
+            operation,
+            net: "close-door",
+            text: "net: close-door",
+        };
+        request.ask(&asks)
+    };
+    let until = Instant::now() + LIMIT;
+    while let Err(error) = ask(Operation::Cancel) {
+        assert!(Instant::now() < until, "CANCEL goes through: {error}");
+    }
+    ask(Operation::Deploy(DeployStep::Check)).expect("so does the question who may deploy");
+    for operation in [Operation::Start, Operation::Deploy(DeployStep::Load)] {
+        let dropped = ask(operation).expect_err("the router is not lab/feeder");
+        assert!(matches!(dropped, FleetError::NoAnswer { .. }), "{dropped}");
+    }
+    // A reader has the values; a device, which must know whose they are, has not.
+    let role = Role::Device { peer: PEER };
+    let device = by_router(
+        &endpoint,
+        Identity {
+            files: &feeder,
+            role,
+        },
+    );
+    let (read, taken) = (values(&asks), values(&device));
+    let from = [(&press, "true")];
+    publish(&from, &read, |arrived| arrived.len() >= 50);
+    assert_eq!(taken.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty));
 }

@@ -29,7 +29,7 @@ pub use change::{ConfigChange, FileWatch};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
 pub use driver::{DriverConfig, DriverNeed, DriverProgram, OWN_PROGRAMS, OwnProgram};
 pub use file_kind::FileKind;
-pub use link::LinkConfig;
+pub use link::{LinkConfig, LinkRights};
 pub use ports::{Protocol, auto_ports, free_port};
 pub use recorder::RecorderConfig;
 pub use robot::{JointConfig, LinkDynamics, RobotConfig};

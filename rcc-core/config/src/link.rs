@@ -12,8 +12,17 @@ use crate::ports;
 use crate::reader::{CELL_NAME, ConfigReader, Fields, NameRule, QuantityRange, error};
 use crate::yaml::{Entry, Node};
 
-pub(crate) const KEYS: [&str; 7] = [
-    "site", "listen", "connect", "publish", "rate", "start", "tls",
+pub(crate) const KEYS: [&str; 10] = [
+    "site",
+    "listen",
+    "connect",
+    "router",
+    "publish",
+    "rate",
+    "start",
+    "deploy",
+    "configure",
+    "tls",
 ];
 /// Keys of `tls`.
 pub const TLS_KEYS: [&str; 3] = ["authority", "certificate", "key"];
@@ -35,16 +44,38 @@ pub struct LinkConfig {
     pub site: String,
     /// Endpoints at which others reach the gateway, such as `tcp/192.168.0.1:7447`.
     pub listen: Vec<String>,
-    /// Endpoints of other gateways or routers.
+    /// Endpoints of other gateways.
     pub connect: Vec<String>,
+    /// Endpoints of routers, of which the first that answers is used; then there are no others.
+    pub router: Vec<String>,
     /// Patterns of the topics that leave the cell.
     pub publish: Vec<String>,
     /// Greatest rate of each topic, Hz.
     pub rate_hz: f64,
-    /// For each other cell, `SITE/CELL`, the names of the nets that it may start.
-    pub start: BTreeMap<String, Vec<String>>,
+    /// What others may do.
+    pub rights: LinkRights,
     /// Files for mutual TLS; then all endpoints are `tls/…`.
     pub tls: Option<TlsFiles>,
+}
+
+/// What other cells and people, by `SITE/NAME`, may do besides reading and CANCEL.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LinkRights {
+    /// For each peer, the names of the nets that it may start.
+    pub start: BTreeMap<String, Vec<String>>,
+    /// Peers that may load nets, and unload those again.
+    pub deploy: Vec<String>,
+    /// Peers that may replace the file of this cell's configuration.
+    pub configure: Vec<String>,
+}
+
+impl LinkRights {
+    /// Returns true if `peer` may start the net.
+    #[must_use]
+    pub fn may_start(&self, peer: &str, net: &str) -> bool {
+        let nets = self.start.get(peer);
+        nets.is_some_and(|nets| nets.iter().any(|name| name == net))
+    }
 }
 
 /// Files in PEM format for mutual TLS; absolute paths.
@@ -80,6 +111,17 @@ pub(crate) fn read(
     };
     let listen = endpoints(reader, (&fields, "listen"), protocol, ports);
     let connect = endpoints(reader, (&fields, "connect"), protocol, ports);
+    let router = endpoints(reader, (&fields, "router"), protocol, ports);
+    let by_router = fields
+        .entry("router")
+        .filter(|_| router.as_ref().is_some_and(|it| !it.is_empty()));
+    let others = ["listen", "connect"].map(|key| fields.entry(key));
+    if let (Some(router), Some(other)) = (by_router, others.into_iter().flatten().next()) {
+        let message = format!("`{}` beside `router`", other.key.name);
+        let help = "a cell that goes through a router has no other connection: remove one of them";
+        reader.report(error(codes::BAD_ADDRESS, router.key.span, message).help(help));
+        return None;
+    }
     let publish = match fields.get("publish") {
         Some(node) => texts(reader, node, "publish"),
         None => Some(vec!["*".to_owned()]),
@@ -93,13 +135,53 @@ pub(crate) fn read(
         None => Some(RATE_DEFAULT_HZ),
     };
     let start = starts(reader, &fields);
+    let [deploy, configure] = ["deploy", "configure"].map(|key| {
+        let peers = peers(reader, &fields, key)?;
+        if tls == Some(None)
+            && let Some(entry) = fields.entry(key).filter(|_| !peers.is_empty())
+        {
+            let message = format!(
+                "`{key}` needs certificates: without them anybody can say to be such a peer"
+            );
+            let help = "add `tls: {authority: FILE, certificate: FILE, key: FILE}` to the link";
+            reader.report(error(codes::BAD_ADDRESS, entry.key.span, message).help(help));
+            return None;
+        }
+        Some(peers)
+    });
+    let rights = LinkRights {
+        start: start?,
+        deploy: deploy?,
+        configure: configure?,
+    };
+    let named = rights != LinkRights::default();
+    if let Some(router) = by_router.filter(|_| named && matches!(tls, Some(Some(_)))) {
+        let message = "`start`, `deploy` and `configure` need to know who asks, and a router shows its own certificate for all";
+        let help =
+            "let the peers connect directly: `listen: [\"tls/ADDRESS:7447\"]` instead of `router`";
+        reader.report(error(codes::BAD_ADDRESS, router.key.span, message).help(help));
+        return None;
+    }
+    let both = |peer: &&String| rights.start.contains_key(*peer);
+    let given = [&rights.deploy, &rights.configure];
+    if let Some(peer) = given.into_iter().flatten().find(both) {
+        let place = fields
+            .entry("start")
+            .map_or(value.span, |entry| entry.key.span);
+        let message = format!("`{peer}` may start nets, and change what is started");
+        let help = "give START to one peer and `deploy` or `configure` to another one, so that nobody elsewhere \
+                    both makes a net and starts it";
+        reader.report(error(codes::BAD_NAME, place, message).help(help));
+        return None;
+    }
     Some(Some(LinkConfig {
         site: site?,
         listen: listen?,
         connect: connect?,
+        router: router?,
         publish: publish?,
         rate_hz: rate_hz?,
-        start: start?,
+        rights,
         tls: tls?,
     }))
 }
@@ -255,11 +337,30 @@ fn starts(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<BTreeMap<Str
     valid.then_some(starts)
 }
 
+/// Reads a list of peers.
+fn peers(reader: &mut ConfigReader, fields: &Fields<'_>, key: &'static str) -> Option<Vec<String>> {
+    let Some(node) = fields.get(key) else {
+        return Some(Vec::new());
+    };
+    let list = reader.list(node, key)?;
+    every(list, |node| {
+        let text = reader.text(node, "a peer")?;
+        if is_cell_key(text) {
+            return Some(text.to_owned());
+        }
+        let message = format!("`{text}` is not a peer of the link");
+        let help = "write the common name of its certificate, site and name: `lab/office`";
+        reader.report(error(codes::BAD_NAME, node.span, message).help(help));
+        None
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use crate::CellConfig;
+    use crate::link::LinkRights;
 
     fn cell(link: &str) -> Result<CellConfig, crate::diagnostic::Faults> {
         let text = format!(
@@ -273,14 +374,17 @@ mod tests {
         let link = cell("{site: lab}").expect("a cell").link.expect("a link");
         assert_eq!(link.site, "lab");
         assert_eq!((link.publish, link.rate_hz), (vec!["*".to_owned()], 100.0));
-        assert!(link.listen.is_empty() && link.connect.is_empty() && link.start.is_empty());
+        assert!(link.listen.is_empty() && link.connect.is_empty());
+        assert_eq!(link.rights, LinkRights::default());
         let all = "{site: lab, listen: [\"tcp/10.0.0.1:7447\"], connect: [\"tcp/host.lab:7447\"], publish: [door/*], rate: 50 Hz, \
                    start: {lab/feeder: [close-door]}}";
         let link = cell(all).expect("a cell").link.expect("a link");
         assert_eq!(
-            (link.rate_hz, link.start["lab/feeder"].as_slice()),
+            (link.rate_hz, link.rights.start["lab/feeder"].as_slice()),
             (50.0, &["close-door".to_owned()][..])
         );
+        assert!(link.rights.may_start("lab/feeder", "close-door"));
+        assert!(!link.rights.may_start("lab/feeder", "open-door"));
         let without = CellConfig::parse_offline(
             "cell: a\nperiod: 1 ms\ndevices: {io: {driver: modbus}}\n",
             "cell.yaml",
@@ -315,6 +419,43 @@ mod tests {
             (
                 "{site: lab, tls: {authority: /a, certificate: /b}}".to_owned(),
                 "needs a key `key`",
+            ),
+        ];
+        for (link, words) in rows {
+            let shown = cell(&link).expect_err(words).render(false);
+            assert!(shown.contains(words), "{words}: {shown}");
+        }
+    }
+
+    #[test]
+    fn nets_are_deployed_by_named_certificates_that_start_nothing() {
+        let tls = "tls: {authority: /etc/ca.pem, certificate: /etc/press.pem, key: /etc/press.key}";
+        let link = cell(&format!("{{site: lab, deploy: [lab/office], {tls}}}"));
+        let rights = link.expect("a cell").link.expect("a link").rights;
+        assert_eq!(
+            (rights.deploy, rights.configure.len()),
+            (vec!["lab/office".to_owned()], 0)
+        );
+        let rows = [
+            (
+                "{site: lab, deploy: [lab/office]}".to_owned(),
+                "`deploy` needs certificates",
+            ),
+            (
+                "{site: lab, configure: [lab/office]}".to_owned(),
+                "`configure` needs certificates",
+            ),
+            (
+                format!("{{site: lab, deploy: [office], {tls}}}"),
+                "`office` is not a peer of the link",
+            ),
+            (
+                format!("{{site: lab, deploy: [lab/a], start: {{lab/a: [net]}}, {tls}}}"),
+                "`lab/a` may start nets, and change what is started",
+            ),
+            (
+                format!("{{site: lab, configure: [lab/a], start: {{lab/a: [net]}}, {tls}}}"),
+                "`lab/a` may start nets, and change what is started",
             ),
         ];
         for (link, words) in rows {

@@ -205,7 +205,8 @@ fn link_of_cell() -> Value {
         json!({
             "site": named("Name of the site, the second part of every key.", CELL_NAME),
             "listen": texts("Endpoints at which others reach this cell: `tcp/192.168.0.1:7447`."),
-            "connect": texts("Endpoints of other cells or routers."),
+            "connect": texts("Endpoints of other cells."),
+            "router": texts("Endpoints of routers, of which the first that answers is used; then neither `listen` nor `connect`."),
             "publish": texts("Patterns of the topics that leave this cell, with * and ?; all by default."),
             "rate": quantity("Greatest rate of each topic: `100 Hz`."),
             "start": {
@@ -213,6 +214,8 @@ fn link_of_cell() -> Value {
                 "type": "object",
                 "additionalProperties": texts("Names of nets."),
             },
+            "deploy": texts("Peers, SITE/NAME, that may load nets and unload those again; needs `tls`; none by default."),
+            "configure": texts("Peers, SITE/NAME, that may replace the file of this configuration; needs `tls`; none by default."),
             "tls": object(
                 "Files (PEM, absolute paths) for mutual TLS; then all endpoints are `tls/HOST:PORT`.",
                 &crate::link::TLS_KEYS,

@@ -1,4 +1,5 @@
-//! Looks at the cell five times a second: which topics are published, events, states of nets, and the executor's cycle. A
+//! Looks at the cell five times a second: which topics are published, events, states of nets, and the executor's cycle; once
+//! a second, and when a net or event is new, makes the overview. A
 //! thread of its own; follows the cell over restarts of its processes.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
-use rcc_api::bodies::{CommandView, EventPage, StatusView, TopicView};
+use rcc_api::bodies::{CommandView, DeviceView, EventPage, EventView, StatusView, TopicView};
 use rcc_client::{LoaderClient, RequestError};
 use rcc_protocol::pattern::wildcard;
 
@@ -15,11 +16,14 @@ use super::cycles::CycleTime;
 use super::values::{NETS_OF_STREAM, STREAMS_MAX, ValueReader};
 use super::{GatewayOptions, News, PublishedTopic, tell};
 use crate::keys::is_topic;
+use crate::overview::CellOverview;
 
 /// Time between two looks.
 const EVERY: Duration = Duration::from_millis(200);
 /// Events that are taken in one look.
 const EVENTS_MAX: usize = 256;
+/// Longest time between two overviews.
+const OVERVIEW_EVERY: Duration = Duration::from_secs(1);
 
 pub(super) struct Observer {
     client: LoaderClient,
@@ -35,6 +39,9 @@ pub(super) struct Observer {
     /// Position in the event log.
     after: Option<String>,
     states: BTreeMap<u64, String>,
+    event: Option<EventView>,
+    /// Time of the last overview, and what it said.
+    overview: Option<(Instant, CellOverview)>,
     /// The last problem, so that it is logged once.
     problem: String,
 }
@@ -57,6 +64,8 @@ impl Observer {
             generation: Arc::default(),
             after: None,
             states: BTreeMap::new(),
+            event: None,
+            overview: None,
             problem: String::new(),
         }
     }
@@ -76,17 +85,38 @@ impl Observer {
     fn look(&mut self) -> Result<(), RequestError> {
         let at = Instant::now();
         let status: StatusView = self.client.get("/status")?;
-        let executor = status.executor;
+        let executor = &status.executor;
         let cycle = CycleTime {
             at,
             cycle: executor.cycle,
             period_ns: executor.period_ns,
         };
         let base_rate_hz = 1e9 / executor.period_ns.max(1) as f64;
-        tell(&self.told, News::Executor(executor.incarnation, cycle));
+        let incarnation = executor.incarnation.clone();
+        tell(&self.told, News::Executor(incarnation, cycle));
         self.look_at_topics(base_rate_hz)?;
-        self.look_at_states()?;
-        self.look_at_events()
+        let commands = self.look_at_states()?;
+        self.look_at_events()?;
+        let devices: Vec<DeviceView> = self.client.get("/devices")?;
+        let event = self.event.as_ref();
+        self.tell_overview(CellOverview::new(&status, &commands, &devices, event));
+        Ok(())
+    }
+
+    /// Publishes the overview if it is new, apart from the cycle, or if the last one is a second old.
+    fn tell_overview(&mut self, overview: CellOverview) {
+        let is_known = |(told, last): &(Instant, CellOverview)| {
+            let cycle = overview.cycle;
+            let last = CellOverview {
+                cycle,
+                ..last.clone()
+            };
+            told.elapsed() < OVERVIEW_EVERY && last == overview
+        };
+        if !self.overview.as_ref().is_some_and(is_known) {
+            tell(&self.told, News::Overview(Box::new(overview.clone())));
+            self.overview = Some((Instant::now(), overview));
+        }
     }
 
     /// The loader, or its executor, does not answer.
@@ -94,9 +124,10 @@ impl Observer {
         let words = error.to_string();
         if self.problem != words {
             tracing::warn!("cell `{}`: {words}", self.cell);
-            self.problem = words;
+            self.problem.clone_from(&words);
         }
         tell(&self.told, News::NoExecutor);
+        self.tell_overview(CellOverview::of_problem(&words));
         self.end_readers();
         self.states.clear();
     }
@@ -158,10 +189,10 @@ impl Observer {
         Ok(())
     }
 
-    fn look_at_states(&mut self) -> Result<(), RequestError> {
+    fn look_at_states(&mut self) -> Result<Vec<CommandView>, RequestError> {
         let commands: Vec<CommandView> = self.client.get("/commands")?;
         let mut states = BTreeMap::new();
-        for command in commands {
+        for command in &commands {
             let state = command.state.clone();
             if self.states.get(&command.id) != Some(&state) {
                 tell(&self.told, News::State(Box::new(command.clone())));
@@ -169,16 +200,20 @@ impl Observer {
             states.insert(command.id, state);
         }
         self.states = states;
-        Ok(())
+        Ok(commands)
     }
 
-    /// Passes on the events since the last look; at the first one only its position is taken.
+    /// Passes on the events since the last look; at the first one only its position and the newest event are taken.
     fn look_at_events(&mut self) -> Result<(), RequestError> {
         let path = match &self.after {
-            None => "/events?limit=0".to_owned(),
+            None => "/events?limit=1".to_owned(),
             Some(after) => format!("/events?after={after}&limit={EVENTS_MAX}"),
         };
-        let page: EventPage = self.client.get(&path)?;
+        let mut page: EventPage = self.client.get(&path)?;
+        self.event = page.events.last().cloned().or(self.event.take());
+        if self.after.is_none() {
+            page.events.clear();
+        }
         for event in page.events {
             tell(&self.told, News::Event(Box::new(event)));
         }

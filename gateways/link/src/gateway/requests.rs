@@ -1,22 +1,26 @@
-//! START and CANCEL of other cells. CANCEL is always passed on; START only for a net that the cell's configuration names for
-//! the cell that asks. A thread of its own calls the loader, so that Zenoh's threads never wait for it.
+//! Requests of peers. CANCEL is always passed on; START only for a net that the cell's configuration names for the peer that
+//! asks. A thread of its own calls the loader, so that Zenoh's threads never wait for it; deployments, which take longer,
+//! have another one, so that no CANCEL waits for them.
 
-use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 use rcc_api::bodies::{Done, StatusView};
 use rcc_client::{LoaderClient, segment};
+use rcc_config::LinkRights;
 use rcc_process::helpers;
 use serde_json::{Value, json};
 use zenoh::query::{Query, Queryable};
 use zenoh::{Session, Wait};
 
+use super::deployment::Deployment;
 use super::{GatewayError, GatewayOptions, loader};
 use crate::keys::{CellKeys, Operation, RequestKey};
 use crate::session::SessionError;
 
 /// Requests that wait; more are refused.
 const WAITING_MAX: usize = 32;
+/// Texts that wait; more are refused.
+const TEXTS_MAX: usize = 4;
 
 /// The declared queryables; dropping them ends the service.
 pub(super) struct Requests {
@@ -24,10 +28,11 @@ pub(super) struct Requests {
     _status: Queryable<()>,
 }
 
-/// A request of a peer.
+/// What a peer asks the first thread for.
 enum Asked {
-    Operation(RequestKey, Query),
-    Status(Query),
+    Start(RequestKey),
+    Cancel(RequestKey),
+    Status,
 }
 
 impl Requests {
@@ -39,25 +44,34 @@ impl Requests {
     ) -> Result<Requests, GatewayError> {
         let (asked, waiting) = sync_channel(WAITING_MAX);
         let declared = |error: zenoh::Error| SessionError::Declare(error.to_string());
+        let (sent, texts) = sync_channel(TEXTS_MAX);
         let (of_operations, own) = (asked.clone(), keys.clone());
-        let operations =
-            session
-                .declare_queryable(keys.requests())
-                .callback(
-                    move |query| match own.parse_request(query.key_expr().as_str()) {
-                        Some(key) => pass(&of_operations, Asked::Operation(key, query)),
-                        None => refuse(&query, "no such request: RCC knows `start` and `cancel`"),
-                    },
-                );
+        let operations = session.declare_queryable(keys.requests());
+        let operations = operations.callback(move |query| {
+            let Some(key) = own.parse_request(query.key_expr().as_str()) else {
+                return refuse(&query, "no such request: use the same build on both sides");
+            };
+            match key.operation {
+                Operation::Start => pass(&of_operations, Asked::Start(key), query),
+                Operation::Cancel => pass(&of_operations, Asked::Cancel(key), query),
+                Operation::Deploy(step) => pass(&sent, (step, key), query),
+            }
+        });
         let operations = operations.wait().map_err(declared)?;
         let status = session.declare_queryable(keys.status());
-        let status = status.callback(move |query| pass(&asked, Asked::Status(query)));
+        let status = status.callback(move |query| pass(&asked, Asked::Status, query));
         let worker = Worker {
             loader: loader(&options.cell)?,
-            start: options.link.start.clone(),
+            rights: options.link.rights.clone(),
             status_key: keys.status(),
         };
         helpers::thread("requests", move || worker.run(&waiting))?;
+        let mut deployment = Deployment::new(options);
+        helpers::thread("deployment", move || {
+            for ((step, key), query) in texts {
+                answer(&query, deployment.answer(step, &key, &payload(&query)));
+            }
+        })?;
         Ok(Requests {
             _operations: operations,
             _status: status.wait().map_err(declared)?,
@@ -65,9 +79,9 @@ impl Requests {
     }
 }
 
-fn pass(to: &SyncSender<Asked>, asked: Asked) {
-    if let Err(TrySendError::Full(asked) | TrySendError::Disconnected(asked)) = to.try_send(asked) {
-        let (Asked::Operation(_, query) | Asked::Status(query)) = asked;
+fn pass<T>(to: &SyncSender<(T, Query)>, asked: T, query: Query) {
+    let sent = to.try_send((asked, query));
+    if let Err(TrySendError::Full((_, query)) | TrySendError::Disconnected((_, query))) = sent {
         refuse(&query, "too many requests wait: try again");
     }
 }
@@ -81,25 +95,34 @@ fn refuse(query: &Query, words: &str) {
 
 struct Worker {
     loader: LoaderClient,
-    start: BTreeMap<String, Vec<String>>,
+    rights: LinkRights,
     /// Under it the status is answered; a query may ask for the status of all cells.
     status_key: String,
 }
 
 impl Worker {
-    fn run(&self, waiting: &Receiver<Asked>) {
-        for asked in waiting {
+    fn run(&self, waiting: &Receiver<(Asked, Query)>) {
+        for (asked, query) in waiting {
             match asked {
-                Asked::Operation(key, query) => match self.operate(&key) {
-                    Ok(answer) => reply(&query, query.key_expr().as_str(), &answer),
-                    Err(words) => refuse(&query, &words),
-                },
-                Asked::Status(query) => match self.loader.get::<StatusView>("/status") {
+                Asked::Start(key) => answer(&query, self.start(&key)),
+                Asked::Cancel(key) => answer(&query, self.operate(&key)),
+                Asked::Status => match self.loader.get::<StatusView>("/status") {
                     Ok(status) => reply(&query, &self.status_key, &json!(status)),
                     Err(error) => refuse(&query, &error.to_string()),
                 },
             }
         }
+    }
+
+    fn start(&self, key: &RequestKey) -> Result<Value, String> {
+        let RequestKey { peer, net, .. } = key;
+        if self.rights.may_start(peer, net) {
+            return self.operate(key);
+        }
+        tracing::warn!(peer, net, "START is refused: not in `link: start`");
+        Err(format!(
+            "{peer} must not start `{net}`: the cell's configuration allows it by `link: {{start: {{{peer}: [{net}]}}}}`"
+        ))
     }
 
     fn operate(&self, key: &RequestKey) -> Result<Value, String> {
@@ -108,12 +131,6 @@ impl Worker {
             operation,
             net,
         } = key;
-        if *operation == Operation::Start && !self.may_start(peer, net) {
-            tracing::warn!(peer, net, "START is refused: not in `link: start`");
-            return Err(format!(
-                "{peer} must not start `{net}`: the cell's configuration allows it by `link: {{start: {{{peer}: [{net}]}}}}`"
-            ));
-        }
         let path = format!("/commands/{}/{}", segment(net), operation.name());
         let done: Result<Done, _> = self.loader.post(&path, String::new());
         match done {
@@ -130,11 +147,18 @@ impl Worker {
             Err(error) => Err(error.to_string()),
         }
     }
+}
 
-    fn may_start(&self, peer: &str, net: &str) -> bool {
-        self.start
-            .get(peer)
-            .is_some_and(|nets| nets.iter().any(|name| name == net))
+/// Returns what came with a query.
+fn payload(query: &Query) -> Vec<u8> {
+    let payload = query.payload();
+    payload.map_or_else(Vec::new, |bytes| bytes.to_bytes().into_owned())
+}
+
+fn answer(query: &Query, result: Result<Value, String>) {
+    match result {
+        Ok(answer) => reply(query, query.key_expr().as_str(), &answer),
+        Err(words) => refuse(query, &words),
     }
 }
 

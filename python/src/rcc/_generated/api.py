@@ -149,6 +149,20 @@ class ChannelView(TypedDict):
     """Its unit."""
 
 
+class Checked(TypedDict):
+    """Answer to a check: what LOAD, or a restart of the cell, would say of a text."""
+    diagnostics: list[Finding]
+    """Errors and warnings."""
+    kind: str
+    """`net`, or `cell` for the configuration of a cell."""
+    name: str
+    """The net's name, as far as it can be found; empty for the configuration of a cell."""
+    uses: list[str]
+    """Resources that the net would claim exclusively, and topics that it would publish."""
+    valid: bool
+    """False if the text has errors."""
+
+
 class ClockView(TypedDict):
     """The time source of the executor's cycles."""
     device: NotRequired[str | None]

@@ -11,12 +11,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, Parser, Subcommand};
 use rcc_config::CellConfig;
-use rcc_config::link::{TlsFiles, is_cell_key, is_endpoint};
-use rcc_link::fleet::{self, CellMessage, FleetError, FoundCell};
+use rcc_config::link::is_cell_key;
+use rcc_core::printable::Printable;
+use rcc_link::certificate::CertificateError;
+use rcc_link::deploy::DeployError;
+use rcc_link::fleet::{self, CellMessage, CellRequest, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
 use rcc_link::keys::{CellKeys, Operation, is_topic};
 use rcc_process::Stop;
 use rcc_process::oom::{SCORE_OBSERVER, raise_score};
+
+use reach::Reach;
+
+mod deployment;
+mod reach;
+mod top;
 
 /// Cells on several hosts: carries topics, events and states of a cell, and lists and asks other cells.
 #[derive(Parser)]
@@ -48,6 +57,17 @@ enum LinkCommand {
         #[arg(long, default_value = "*")]
         site: String,
     },
+    /// Show all cells, first those that need a person; live in a terminal, or once as text
+    Top {
+        #[command(flatten)]
+        reach: Reach,
+        /// Only those of this site
+        #[arg(long, default_value = "*")]
+        site: String,
+        /// Print once as text; implied without a terminal
+        #[arg(long)]
+        once: bool,
+    },
     /// Follow the events of all cells, and the states of their nets, until interrupted
     Events {
         #[command(flatten)]
@@ -71,48 +91,17 @@ enum LinkCommand {
     Start(Ask),
     /// Cancel a net of another cell
     Cancel(Ask),
-}
-
-#[derive(Args)]
-struct Reach {
-    /// Endpoint of an rcc-link or a router, such as tcp/192.168.0.7:7447
-    #[arg(long, value_name = "ENDPOINT", required = true, value_parser = endpoint)]
-    connect: Vec<String>,
-    #[command(flatten)]
-    tls: Tls,
-}
-
-/// Files (PEM) for endpoints `tls/…`: all three, or none.
-#[derive(Args)]
-struct Tls {
-    /// Certificate of the authority that signed those of all cells
-    #[arg(long, value_name = "FILE", requires_all = ["certificate", "key"])]
-    authority: Option<PathBuf>,
-    /// Own certificate; its common name is SITE/CELL, or that of a person
-    #[arg(long, value_name = "FILE", requires_all = ["authority", "key"])]
-    certificate: Option<PathBuf>,
-    /// Its private key
-    #[arg(long, value_name = "FILE", requires_all = ["authority", "certificate"])]
-    key: Option<PathBuf>,
-}
-
-impl Reach {
-    fn session(&self) -> Result<zenoh::Session, FleetError> {
-        let Tls {
-            authority,
-            certificate,
-            key,
-        } = &self.tls;
-        let files = match (authority, certificate, key) {
-            (Some(authority), Some(certificate), Some(key)) => Some(TlsFiles {
-                authority: authority.clone(),
-                certificate: certificate.clone(),
-                key: key.clone(),
-            }),
-            _ => None,
-        };
-        fleet::connect(&self.connect, files.as_ref())
-    }
+    /// Give nets and configuration files to cells: every cell checks them, and only if all would take them, each gets them in
+    /// turn. Nothing is started; a configuration holds from the cell's next start
+    Deploy(deployment::Deploy),
+    /// Unload nets that were deployed and do not run
+    Withdraw {
+        #[command(flatten)]
+        reach: Reach,
+        /// Nets, as `deploy` has named them
+        #[arg(value_name = "SITE/CELL/NET#ID", required = true, value_parser = deployment::loaded_net)]
+        nets: Vec<(String, String)>,
+    },
 }
 
 #[derive(Args)]
@@ -127,16 +116,6 @@ struct Ask {
     cell: String,
     /// Name of the net
     net: String,
-}
-
-fn endpoint(text: &str) -> Result<String, String> {
-    match is_endpoint(text) {
-        true => Ok(text.to_owned()),
-        false => Err(
-            "write protocol, host and port: tcp/192.168.0.7:7447 or tls/192.168.0.7:7447"
-                .to_owned(),
-        ),
-    }
 }
 
 fn topic(text: &str) -> Result<String, String> {
@@ -160,7 +139,9 @@ enum LinkError {
     Config(rcc_config::diagnostic::Faults),
     #[error("{0} has no `link:`: add `link: {{site: SITE, listen: [\"tcp/ADDRESS:7447\"]}}`")]
     NoLink(String),
-    #[error("{0}: `link` has neither `listen` nor `connect`, so nobody can be reached")]
+    #[error(
+        "{0}: `link` has neither `listen` nor `connect` nor `router`, so nobody can be reached"
+    )]
     Nobody(String),
     #[error("cannot start: {0}")]
     Signals(#[from] rcc_process::signals::SignalError),
@@ -170,6 +151,20 @@ enum LinkError {
     Gateway(#[from] GatewayError),
     #[error(transparent)]
     Fleet(#[from] FleetError),
+    #[error(
+        "cells take texts of named certificates only: give --authority, --certificate and --key"
+    )]
+    NoCertificate,
+    #[error(
+        "the certificate's common name is `{0}`: write SITE/NAME, such as lab/office, as its subject's CN"
+    )]
+    NoPeer(String),
+    #[error(transparent)]
+    Certificate(#[from] CertificateError),
+    #[error(transparent)]
+    Deploy(#[from] DeployError),
+    #[error("{0} of the nets are still there")]
+    NotWithdrawn(usize),
 }
 
 fn main() -> ExitCode {
@@ -196,6 +191,7 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
             }
             Ok(())
         }
+        LinkCommand::Top { reach, site, once } => top::top(&reach, &site, once),
         LinkCommand::Events { reach, site } => {
             let all = CellKeys::new(&site, "*");
             let session = reach.session()?;
@@ -213,12 +209,34 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
         }
         LinkCommand::Start(ask) => operate(&ask, Operation::Start),
         LinkCommand::Cancel(ask) => operate(&ask, Operation::Cancel),
+        LinkCommand::Deploy(deploy) => deployment::give(&deploy),
+        LinkCommand::Withdraw { reach, nets } => deployment::withdraw(&reach, &nets),
     }
+}
+
+/// Waits for a signal on a thread of its own.
+fn stop_at(signals: Stop) -> std::io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&stop);
+    rcc_process::helpers::thread("signals", move || {
+        let signal = signals.wait();
+        tracing::info!(%signal, "ends");
+        // Release pairs with the acquire of the other threads.
+        told.store(true, Ordering::Release);
+    })?;
+    Ok(stop)
 }
 
 fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {
     let session = ask.reach.session()?;
-    let answer = fleet::ask(&session, (&ask.peer, &ask.cell), operation, &ask.net)?;
+    let request = CellRequest {
+        peer: &ask.peer,
+        cell: &ask.cell,
+        operation,
+        net: &ask.net,
+        text: "",
+    };
+    let answer = request.ask(&session)?;
     rcc_process::say(&format!(
         "{}  {} in cycle {}",
         ask.cell,
@@ -231,7 +249,9 @@ fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {
 /// Writes a line; false if nobody reads any more.
 fn print(line: &str) -> bool {
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).is_ok()
+    writeln!(out, "{}", Printable(line))
+        .and_then(|()| out.flush())
+        .is_ok()
 }
 
 /// Returns the line of an event, or of a net's new state.
@@ -282,21 +302,16 @@ fn serve(cell: Option<String>, file: &Path, parent_death: bool) -> Result<(), Li
     let signals = Stop::prepare(parent_death)?;
     let config = CellConfig::load_offline(file).map_err(LinkError::Config)?;
     let file = file.display().to_string();
-    let link = config.link.ok_or_else(|| LinkError::NoLink(file.clone()))?;
-    if link.listen.is_empty() && link.connect.is_empty() {
+    let link = config.link.clone();
+    let link = link.ok_or_else(|| LinkError::NoLink(file.clone()))?;
+    if link.listen.is_empty() && link.connect.is_empty() && link.router.is_empty() {
         return Err(LinkError::Nobody(file));
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&stop);
-    rcc_process::helpers::thread("signals", move || {
-        let signal = signals.wait();
-        tracing::info!(%signal, "ends");
-        // Release pairs with the acquire of the other threads.
-        told.store(true, Ordering::Release);
-    })?;
+    let stop = stop_at(signals)?;
     let options = GatewayOptions {
-        cell: cell.unwrap_or(config.name),
+        cell: cell.unwrap_or_else(|| config.name.clone()),
         link,
+        config,
     };
     Ok(gateway::run(&options, &stop)?)
 }

@@ -1,0 +1,233 @@
+//! Rolling deployment to cells that this test answers for, on loopback. Run by the threads of the test harness.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use rcc_link::deploy::{DeployError, DeployText, Deployment, select};
+use rcc_link::fleet::{self, FoundCell};
+use rcc_link::keys::CellKeys;
+use rcc_link::session;
+use zenoh::{Session, Wait};
+
+/// Longest wait for anything that must happen.
+const LIMIT: Duration = Duration::from_secs(60);
+const NET: &str = "net: line\nprimitives: {}\n";
+const CELLS: [&str; 3] = ["lab/a", "lab/b", "lab/c"];
+
+/// What one cell does with requests: answers, or says why not, or ends without an answer.
+type Behaviour = fn(operation: &str) -> Option<Result<&'static str, &'static str>>;
+
+/// Cells that answer, and what they were asked for.
+struct Cells {
+    asked: Arc<Mutex<Vec<String>>>,
+    endpoints: Vec<String>,
+    sessions: Vec<Session>,
+}
+
+impl Cells {
+    fn new(behaviours: [Behaviour; 3]) -> Cells {
+        let mut cells = Cells {
+            asked: Arc::default(),
+            endpoints: Vec::new(),
+            sessions: Vec::new(),
+        };
+        for (cell, behaviour) in CELLS.into_iter().zip(behaviours) {
+            let port = rcc_config::free_port(rcc_config::Protocol::Tcp).expect("a port");
+            let endpoint = format!("tcp/127.0.0.1:{port}");
+            let listen = std::slice::from_ref(&endpoint);
+            let session = session::open(listen, &[], None).expect("a session");
+            let (asked, own, keys) = (
+                Arc::clone(&cells.asked),
+                session.clone(),
+                CellKeys::of(cell),
+            );
+            let queryable = session
+                .declare_queryable(keys.requests())
+                .callback(move |query| {
+                    let key = keys.parse_request(query.key_expr().as_str());
+                    let operation = key.expect("a request").operation.name();
+                    asked
+                        .lock()
+                        .expect("a list")
+                        .push(format!("{cell} {operation}"));
+                    let replied = match behaviour(operation) {
+                        Some(Ok(body)) => query.reply(query.key_expr(), body).wait(),
+                        Some(Err(body)) => query.reply_err(body).wait(),
+                        None => {
+                            // The cell ends with the request in its hands.
+                            let own = own.clone();
+                            std::thread::spawn(move || drop(own.close().wait()));
+                            std::mem::forget(query);
+                            return;
+                        }
+                    };
+                    replied.expect("answered");
+                });
+            queryable.background().wait().expect("a queryable");
+            cells.endpoints.push(endpoint);
+            cells.sessions.push(session);
+        }
+        cells
+    }
+
+    /// Connects, and waits until every cell answers a check.
+    fn connect(&self) -> Session {
+        let session = fleet::connect(&self.endpoints, None).expect("a connection");
+        let until = Instant::now() + LIMIT;
+        for cell in CELLS {
+            let key = CellKeys::of(cell).requests();
+            let declared = session.declare_querier(key).wait().expect("a querier");
+            while !declared
+                .matching_status()
+                .wait()
+                .expect("a status")
+                .matching()
+            {
+                assert!(Instant::now() < until, "{cell} is not there");
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        session
+    }
+
+    fn asked(&self, operation: &str) -> Vec<String> {
+        let asked = self.asked.lock().expect("a list");
+        let of = |row: &&String| row.ends_with(operation);
+        asked.iter().filter(of).cloned().collect()
+    }
+}
+
+fn takes(operation: &str) -> Option<Result<&'static str, &'static str>> {
+    Some(Ok(match operation {
+        "check" => r#"{"uses": ["arm"]}"#,
+        _ => r#"{"name": "line#7"}"#,
+    }))
+}
+
+fn has_no_arm(operation: &str) -> Option<Result<&'static str, &'static str>> {
+    match operation {
+        "check" => Some(Err(r#"{"error": "this cell has no device `arm`"}"#)),
+        _ => takes(operation),
+    }
+}
+
+fn dies_at_load(operation: &str) -> Option<Result<&'static str, &'static str>> {
+    match operation {
+        "load" => None,
+        _ => takes(operation),
+    }
+}
+
+fn deploy(cells: &Cells) -> Result<Vec<String>, DeployError> {
+    let session = cells.connect();
+    let names = CELLS.map(str::to_owned);
+    let texts = [DeployText::of("line.yaml", NET).expect("a net")];
+    let deployment = Deployment {
+        session: &session,
+        peer: "lab/office",
+        cells: &names,
+        texts: &texts,
+    };
+    let mut lines = deployment.check()?;
+    deployment.roll(|done| lines.push(done.to_string()))?;
+    Ok(lines)
+}
+
+#[test]
+fn every_cell_gets_it_in_turn_if_all_would_take_it() {
+    let cells = Cells::new([takes, takes, takes]);
+    let lines = deploy(&cells).expect("deployed");
+    assert_eq!(lines.len(), 6, "{lines:?}");
+    assert_eq!(lines[0], "lab/a  line.yaml is valid  uses: arm");
+    assert_eq!(lines[5], "lab/c  line#7 is ready");
+    assert_eq!(
+        cells.asked("load"),
+        CELLS.map(|cell| format!("{cell} load"))
+    );
+}
+
+#[test]
+fn a_net_that_one_cell_refuses_reaches_none() {
+    let cells = Cells::new([takes, has_no_arm, takes]);
+    let refused = deploy(&cells).expect_err("refused");
+    assert!(matches!(refused, DeployError::Refused(_)), "{refused}");
+    assert_eq!(
+        refused.to_string(),
+        "nothing was changed on any cell:\nline.yaml: lab/b: this cell has no device `arm`"
+    );
+    assert_eq!(cells.asked("check").len(), 3);
+    assert!(cells.asked("load").is_empty());
+}
+
+#[test]
+fn a_cell_that_dies_in_the_middle_stops_the_deployment_and_the_way_back_is_told() {
+    let cells = Cells::new([takes, dies_at_load, takes]);
+    let stopped = deploy(&cells).expect_err("stopped");
+    assert!(matches!(stopped, DeployError::Stopped(_)), "{stopped}");
+    let stopped = stopped.to_string();
+    for words in [
+        "stopped: line.yaml: lab/b does not answer",
+        "whether lab/b has it is not known",
+        "has it: lab/a  line#7 is ready",
+        "has it not: lab/c",
+        "rcc-link withdraw 'lab/a/line#7'",
+    ] {
+        assert!(stopped.contains(words), "{words}: {stopped}");
+    }
+    assert_eq!(cells.asked("load"), ["lab/a load", "lab/b load"]);
+}
+
+#[test]
+fn a_cell_that_is_not_there_is_named() {
+    let found: BTreeMap<String, FoundCell> = ["lab/a", "lab/b", "hall/a"]
+        .map(|cell| (cell.to_owned(), FoundCell::default()))
+        .into();
+    let cells = |patterns: &[&str], expected| {
+        let patterns: Vec<String> = patterns.iter().map(|it| (*it).to_owned()).collect();
+        select(&found, &patterns, expected).map_err(|error| error.to_string())
+    };
+    assert_eq!(
+        cells(&["lab/*"], Some(2)),
+        Ok(vec!["lab/a".to_owned(), "lab/b".to_owned()])
+    );
+    assert_eq!(cells(&["*/a", "lab/a"], None).map(|all| all.len()), Ok(2));
+    let missing = cells(&["lab/c", "lab/*"], None).expect_err("not there");
+    assert_eq!(
+        missing,
+        "no cell answers to `lab/c`; those that are there: hall/a, lab/a, lab/b"
+    );
+    let few = cells(&["lab/*"], Some(3)).expect_err("too few");
+    assert_eq!(few, "3 cells were expected, and 2 are there: lab/a, lab/b");
+}
+
+#[test]
+fn a_configuration_goes_to_the_cell_of_its_name_only() {
+    let cells = Cells::new([takes, takes, takes]);
+    let session = cells.connect();
+    let names = CELLS.map(str::to_owned);
+    let file = |name: &str| DeployText::of("cell.yaml", &format!("cell: {name}\nperiod: 1 ms\n"));
+    let deployment = |texts: &[DeployText]| {
+        let deployment = Deployment {
+            session: &session,
+            peer: "lab/office",
+            cells: &names,
+            texts,
+        };
+        deployment.check()?;
+        deployment.roll(|_| {})
+    };
+    deployment(&[file("b").expect("a cell")]).expect("deployed");
+    assert_eq!(cells.asked("check"), ["lab/b check"]);
+    assert_eq!(cells.asked("replace"), ["lab/b replace"]);
+    let other = deployment(&[file("d").expect("a cell")]).expect_err("no such cell");
+    assert_eq!(
+        other.to_string(),
+        "cell.yaml is the configuration of cell `d`, which is none of lab/a, lab/b, lab/c"
+    );
+    let robot = DeployText::of("ur5e.yaml", "robot: ur5e\n").expect_err("a robot");
+    assert!(
+        robot.to_string().contains("is neither a net nor"),
+        "{robot}"
+    );
+}
