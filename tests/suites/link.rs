@@ -10,6 +10,8 @@ use serde_json::{Value, json};
 
 use pair::CellPair;
 
+mod deploy;
+mod fleet;
 mod hosts;
 mod pair;
 
