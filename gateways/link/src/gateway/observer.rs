@@ -192,7 +192,8 @@ impl Observer {
     fn look_at_states(&mut self) -> Result<Vec<CommandView>, RequestError> {
         let commands: Vec<CommandView> = self.client.get("/commands")?;
         let mut states = BTreeMap::new();
-        for command in &commands {
+        // A text that is being loaded may have no name yet, and so no key.
+        for command in commands.iter().filter(|command| !command.net.is_empty()) {
             let state = command.state.clone();
             if self.states.get(&command.id) != Some(&state) {
                 tell(&self.told, News::State(Box::new(command.clone())));

@@ -8,9 +8,9 @@ use axum::body::Bytes;
 use axum::extract::{Extension, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use rcc_api::bodies::Loaded;
 #[cfg(test)]
-use rcc_api::bodies::ErrorBody;
-use rcc_api::bodies::{Checked, Loaded};
+use rcc_api::bodies::{Checked, ErrorBody};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_core::printable::Printable;
