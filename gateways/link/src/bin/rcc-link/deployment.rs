@@ -1,12 +1,20 @@
 //! `rcc-link deploy` and `withdraw`: nets and configuration files to cells, and back. Run by the main thread.
 
+use std::time::{Duration, Instant};
+
 use clap::Args;
 use rcc_config::link::is_cell_key;
 use rcc_link::deploy::{self, DeployError, DeployText, Deployment};
 use rcc_link::fleet;
+use zenoh::Session;
 
 use crate::LinkError;
 use crate::reach::Reach;
+
+/// Longest wait for cells that are not there yet.
+const FOUND_MAX: Duration = Duration::from_secs(3);
+/// Interval at which they are looked for.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// Arguments of `deploy`.
 #[derive(Args)]
@@ -32,8 +40,7 @@ pub fn give(arguments: &Deploy) -> Result<(), LinkError> {
     let texts = arguments.files.iter().map(|file| DeployText::read(file));
     let texts = texts.collect::<Result<Vec<DeployText>, DeployError>>()?;
     let (session, peer) = arguments.reach.as_peer()?;
-    let found = fleet::cells(&session, "*")?;
-    let cells = deploy::select(&found, &arguments.to, arguments.expect)?;
+    let cells = find(&session, arguments)?;
     let deployment = Deployment {
         session: &session,
         peer: &peer,
@@ -47,6 +54,22 @@ pub fn give(arguments: &Deploy) -> Result<(), LinkError> {
         deployment.roll(|done| rcc_process::say(&done.to_string()))?;
     }
     Ok(())
+}
+
+/// Looks for the cells; what a cell declares arrives a moment after the connection to it.
+fn find(session: &Session, arguments: &Deploy) -> Result<Vec<String>, LinkError> {
+    let until = Instant::now() + FOUND_MAX;
+    loop {
+        let found = fleet::cells(session, "*")?;
+        match deploy::select(&found, &arguments.to, arguments.expect) {
+            Err(DeployError::NoCell { .. } | DeployError::Count { .. })
+                if Instant::now() < until =>
+            {
+                std::thread::sleep(LOOK);
+            }
+            selected => return Ok(selected?),
+        }
+    }
 }
 
 /// Unloads nets; goes on after one that cannot be unloaded.
