@@ -192,6 +192,8 @@ impl LinkPublisher {
             match news.recv_timeout(TURN) {
                 Ok(news) => self.publish(news),
                 Err(RecvTimeoutError::Timeout) => {}
+                // The observer may see the stop request first.
+                Err(RecvTimeoutError::Disconnected) if stop.load(Ordering::Acquire) => break,
                 Err(RecvTimeoutError::Disconnected) => return Err(GatewayError::Ended),
             }
         }
