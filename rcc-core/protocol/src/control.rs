@@ -285,10 +285,12 @@ pub enum Call {
 
 impl Message for Call {
     const BYTES_MAX: usize = REQUEST_MAX;
+    wire::once!();
 }
 
 impl Message for Answer {
     const BYTES_MAX: usize = RESPONSE_MAX;
+    wire::once!();
 }
 
 /// The executor's answer.
