@@ -12,7 +12,7 @@ use super::serial::{JointAxis, SerialArm};
 use super::singularity::Singularity;
 use super::srs::SrsArm;
 use super::turns::{OutOfLimits, nearest_turns, turns_within, within_limits};
-use crate::joints::{JOINTS_MAX, JointLimits, Joints};
+use crate::joints::{JointLimits, Joints};
 use crate::pose::Pose;
 
 /// Largest number of parameters that describe an arm, see [`Arm::parameters`].

@@ -2,11 +2,11 @@
 //! no branch that depends on values: null is selected, not branched on. Run by the real-time thread.
 
 use super::{
-    Bool, ByElement, Element, Int, Kernel, Operands, Real, Slot, Step, choose, finite, higher,
-    int_unless, lower, operands, real_unless, whole, within,
+    Bool, ByElement, Element, Int, Kernel, Operands, Real, Slot, Step, choose, int_unless,
+    operands, real_unless, whole,
 };
 use crate::frame::Frame;
-use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+use crate::types::{NULL_BOOL, Store};
 
 /// Calls `step` for each group of operands: one dispatch for a whole run of equal primitives. `None`, for a slot outside
 /// its arena, ends the run. `Plan::check` excludes such slots; because no fallback value is needed for them, a step
