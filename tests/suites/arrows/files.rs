@@ -218,7 +218,7 @@ fn absolute(module: &Place, path: &Place) -> Place {
 
 #[test]
 fn no_source_files_of_a_package_need_each_other() {
-    let sources = sources_below(&repository());
+    let sources = sources_below(repository());
     assert!(sources.len() > 20, "the packages are found: {sources:?}");
     let mut found = String::new();
     for source in sources {
