@@ -17,3 +17,5 @@ pub mod rehearsal;
 pub mod replay;
 pub mod rows;
 pub mod rule;
+pub mod rule_set;
+pub mod snapshot;

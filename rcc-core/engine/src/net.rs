@@ -9,8 +9,8 @@ use rcc_motion::MotionSet;
 use rcc_protocol::control::{InputValue, PlanData, Refusal};
 
 use crate::input::{NetInputs, TopicSource};
-use crate::record::entry::NetSnapshot;
 use crate::rows::RowIndex;
+use crate::snapshot::NetSnapshot;
 
 mod build;
 mod evaluate;

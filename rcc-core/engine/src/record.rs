@@ -19,10 +19,10 @@ use rcc_protocol::rules::{RULE_TERMS_MAX, Rule, RuleStatus};
 use rtrb::{Consumer, Producer};
 
 use crate::boards::DeviceBoards;
-use crate::engine::RuleSet;
 use crate::net::{Evaluation, Net};
 use crate::queue::EngineRequest;
 use crate::rows::{RowIndex, RowSet};
+use crate::rule_set::RuleSet;
 use entry::{
     BEGINS, CANCEL, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
     prepared_again_flags,
