@@ -6,7 +6,7 @@
 //! other. The time-optimal motion from an arbitrary state is computed by a planner
 //! ([`crate::path::Motions::plan_axis`]).
 
-use crate::path::MotionLimits;
+use serde::{Deserialize, Serialize};
 
 mod follower;
 mod slots;
@@ -16,6 +16,39 @@ pub use slots::{AxisSlot, axes, continued, is_new, rest_at, share_of, step_axis}
 
 /// Maximum number of phases of a motion: two or three to brake into the limits, seven to the goal.
 pub const PHASES_MAX: usize = 10;
+
+/// Limits of velocity, acceleration and jerk along a path or axis, in its unit per s, s² and s³ (each > 0; infinite:
+/// limited only by the joints).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MotionLimits {
+    /// Per second. A finite value for a leg is guaranteed: the leg is travelled at this velocity, or refused.
+    pub velocity: f64,
+    /// Per second squared.
+    pub acceleration: f64,
+    /// Per second cubed.
+    pub jerk: f64,
+}
+
+impl MotionLimits {
+    /// No limits.
+    pub const NONE: MotionLimits = MotionLimits {
+        velocity: f64::INFINITY,
+        acceleration: f64::INFINITY,
+        jerk: f64::INFINITY,
+    };
+
+    /// Creates limits from velocity, acceleration and jerk; null (NaN) means unlimited.
+    #[must_use]
+    pub fn of(values: [f64; 3]) -> MotionLimits {
+        let [velocity, acceleration, jerk] =
+            values.map(|value| if value.is_nan() { f64::INFINITY } else { value });
+        MotionLimits {
+            velocity,
+            acceleration,
+            jerk,
+        }
+    }
+}
 
 /// Position, velocity and acceleration of an axis, in its unit, per s and per s².
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

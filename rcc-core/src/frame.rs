@@ -3,15 +3,20 @@
 //! The real-time thread builds a `Frame` for each net each cycle; it only borrows. Slot access never panics: an index
 //! outside the arena reads as null and writes nothing (`Plan::check` excludes both).
 
-use serde::{Deserialize, Serialize};
+mod slot;
 
-use crate::guard::JointLimits;
+pub use crate::joints::ArmMotion;
+pub use crate::path::PrepareFault;
+pub use slot::{
+    Bool, Channel, Clock, Device, Element, Int, Real, Rotation, Slot, Spatial, Value, Vector3,
+};
+
 use crate::impedance::{Impedance, ImpedanceLimits};
+use crate::joints::{JOINTS_MAX, JointLimits, Joints};
 use crate::kinematics::Arm;
-use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
-use crate::path::{MotionBuilder, MotionFault, Motions};
+use crate::message::{ANALOG_MAX, Measurement};
+use crate::path::{MotionBuilder, Motions};
 use crate::pose::Pose;
-use crate::primitive::{Device, Element, Real, Rotation, Slot, Value};
 use crate::rotation::{self, Quaternion};
 use crate::types::NULL_REAL;
 use crate::workspace::Workspace;
@@ -72,29 +77,6 @@ pub struct DeviceInput {
     pub present: bool,
     /// The measurement; meaningless if not present.
     pub measurement: Measurement,
-}
-
-/// Where an arm is in its motion: what its last set-point leaves for the net that follows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ArmMotion {
-    /// Last set-point, rad.
-    pub position: Joints,
-    /// Velocity there, rad/s.
-    pub velocity: Joints,
-    /// Acceleration there, rad/s².
-    pub acceleration: Joints,
-}
-
-impl ArmMotion {
-    /// At rest at a position.
-    #[must_use]
-    pub fn at_rest(position: Joints) -> ArmMotion {
-        ArmMotion {
-            position,
-            velocity: [0.0; JOINTS_MAX],
-            acceleration: [0.0; JOINTS_MAX],
-        }
-    }
 }
 
 /// The commands of all nets to a device in one cycle.
@@ -341,28 +323,4 @@ pub fn arm_at_rest(
     let hold = holds.get(device as usize).copied().flatten();
     let hold = hold.ok_or(PrepareFault::HoldUnknown { device })?;
     Ok((arm, hold))
-}
-
-/// Reason why the start values of a command could not be computed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum PrepareFault {
-    /// The position of the device is not known: its driver is not running or not connected.
-    HoldUnknown {
-        /// Device index.
-        device: u32,
-    },
-    /// The device has no kinematics.
-    NoArm {
-        /// Device index.
-        device: u32,
-    },
-    /// A motion cannot be built as requested.
-    Motion {
-        /// Index of the motion in its net.
-        motion: u32,
-        /// The leg, from 0.
-        leg: u32,
-        /// Reason.
-        fault: MotionFault,
-    },
 }

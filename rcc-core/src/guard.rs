@@ -3,13 +3,14 @@
 
 use core::fmt;
 
-use crate::frame::ArmMotion;
 use crate::impedance::{AXES, ControlMode, Impedance, ImpedanceLimits};
+use crate::joints::{ArmMotion, JOINTS_MAX};
 use crate::kinematics::Arm;
-use crate::message::JOINTS_MAX;
 use crate::workspace::{Workspace, WorkspaceGuard, WorkspaceViolation};
 
 mod impedance;
+
+pub use crate::joints::JointLimits;
 
 /// Relative tolerance of every limit: set-points that use a limit fully are subject to rounding.
 pub const RELATIVE_TOLERANCE: f64 = 1e-9;
@@ -26,24 +27,6 @@ const JUMP_RATIO: f64 = 10.0;
 
 /// An arm that is slower than this part of its velocity limits counts as being at rest.
 pub const SLOW: f64 = 1e-3;
-
-/// Joint limits of a robot's configuration; elements at and beyond index `joints` are ignored.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointLimits {
-    /// Smallest position, rad.
-    pub lower: [f64; JOINTS_MAX],
-    /// Largest position, rad.
-    pub upper: [f64; JOINTS_MAX],
-    /// Largest |velocity|, rad/s.
-    pub velocity_max: [f64; JOINTS_MAX],
-    /// Largest |acceleration|, rad/s².
-    pub acceleration_max: [f64; JOINTS_MAX],
-    /// Largest |jerk|, rad/s³: used for planning motions and for checking a net before it starts; the guard itself does
-    /// not check it.
-    pub jerk_max: [f64; JOINTS_MAX],
-    /// Number of joints, at most [`JOINTS_MAX`].
-    pub joints: usize,
-}
 
 /// The rule that a set-point violated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::message::{JOINTS_MAX, Joints};
+use crate::joints::{JOINTS_MAX, Joints};
 
 /// Axes of a Cartesian impedance in element order: along and about x, y, z.
 pub const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];

@@ -8,15 +8,24 @@ mod branch;
 mod links;
 mod ortho;
 mod serial;
+mod singularity;
 mod srs;
 mod turns;
 mod velocity;
 
-pub use arm::{Arm, ArmJacobian, InverseKinematicsError, PARAMETERS, Singularity, SingularityKind};
+pub use arm::{Arm, InverseKinematicsError, PARAMETERS};
 pub use arm_angles::ArmAngles;
+pub use axes::AXES_MAX;
 pub use branch::{ArmConfiguration, BRANCHES, Branch, Unreachable};
 pub use links::LinkPoints;
 pub use ortho::OrthoParallelArm;
-pub use serial::{AXES_MAX, JointAxis, NumericSolution, RESIDUAL_MAX, STEPS_MAX, SerialArm};
+pub use serial::{JointAxis, NumericSolution, RESIDUAL_MAX, STEPS_MAX, SerialArm};
+pub use singularity::{Singularity, SingularityKind};
 pub use srs::SrsArm;
 pub use turns::{OutOfLimits, nearest_turns, turns_by_signs, turns_within, within_limits};
+
+use crate::joints::JOINTS_MAX;
+
+/// A geometric Jacobian: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in base axes, per rad/s of each joint;
+/// columns beyond the arm's joints are 0.
+pub type ArmJacobian = [[f64; JOINTS_MAX]; 6];

@@ -22,6 +22,7 @@ extern crate self as rcc_core;
 extern crate std;
 
 pub mod axis;
+pub mod branchless;
 pub mod counted;
 pub mod cycle;
 pub mod duration;
@@ -32,6 +33,7 @@ pub mod guard;
 pub mod helper;
 pub mod histogram;
 pub mod impedance;
+pub mod joints;
 pub mod kinematics;
 pub mod linear;
 pub mod message;

@@ -5,11 +5,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
+pub use crate::joints::{JOINTS_MAX, Joints};
+
 use crate::impedance::Impedance;
 use crate::timing::LateCycle;
 
-/// Maximum number of joints of a device.
-pub const JOINTS_MAX: usize = 8;
 /// Maximum number of digital channels of a device, per direction.
 pub const DIGITAL_MAX: usize = 64;
 /// Maximum number of analog channels of a device, per direction.
@@ -24,9 +24,6 @@ pub const COMMANDS_MAX: usize = 64;
 pub const MONITOR_WIDTH_MAX: usize = 16;
 /// Identifies this record layout; change it with the layout.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v006");
-
-/// A joint vector; elements past the device's joints are 0.
-pub type Joints = [f64; JOINTS_MAX];
 
 /// The state of a device, as reported by its driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,15 +7,15 @@ mod fault;
 pub mod leg_row;
 mod legs;
 
-pub use fault::{AfterUntilFault, MotionFault, Quantity};
+pub use crate::axis::MotionLimits;
+pub use fault::{AfterUntilFault, MotionFault, PrepareFault, Quantity};
 pub use legs::{
-    ArcOrientation, ElbowMotion, LEGS_MAX, Leg, LegConditions, LegSignals, MotionLimits,
-    PathRequest, PathSegment, RelativeTo, SpeedProfile,
+    ArcOrientation, ElbowMotion, LEGS_MAX, Leg, LegConditions, LegSignals, PathRequest,
+    PathSegment, RelativeTo, SpeedProfile,
 };
 
 use crate::axis::{AxisState, Phases, stop_and_go};
-use crate::frame::PrepareFault;
-use crate::message::Joints;
+use crate::joints::Joints;
 use crate::pose::Pose;
 
 /// Limits of the path parameter s, which moves from rest at 0 to rest at `length`.

@@ -6,7 +6,8 @@ mod regions;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::DeviceModel;
-use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
+use crate::joints::JOINTS_MAX;
+use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, MONITOR_WIDTH_MAX};
 use crate::primitive::{
     CYCLES_MAX, ChannelKind, Kernel, Operand, Role, Size, SizeList, Sizes, Spec,
 };

@@ -10,29 +10,31 @@ mod channel;
 mod duration;
 mod elements;
 mod operand;
+mod operand_struct;
 mod port;
-mod slot;
 mod step;
 mod wide;
 mod window;
 
+pub use crate::branchless::{
+    choose, finite, higher, int_unless, lower, real_unless, whole, within,
+};
+pub use crate::frame::{
+    Bool, Channel, Clock, Device, Element, Int, Real, Rotation, Slot, Spatial, Value, Vector3,
+};
 pub use channel::{each_bit_channel, each_real_channel};
 pub use duration::{elapsed, reached};
 pub use elements::{ELEMENTS, TRUTHS, fold_bool, reduce};
 pub use operand::{CYCLES_MAX, DIMS_MAX, MemorySpec, Operand, Size, SizeList, Sizes, Width};
+pub(crate) use operand_struct::operands;
+pub use operand_struct::{ByElement, Field, FieldKind, Operands, Prepare, Step};
 pub use port::{
     ChannelKind, DefaultValue, Dim, ElementType, Parameter, ParameterKind, Port, PortType,
     TypeFamily, UnitRule,
 };
-pub(crate) use slot::operands;
-pub use slot::{
-    Bool, ByElement, Channel, Clock, Device, Element, Field, FieldKind, Int, Operands, Prepare,
-    Real, Rotation, Slot, Spatial, Step, Value, Vector3,
-};
 pub use step::{
-    Operation, by_element, choose, compare, each, each_bool, each_element, each_finite, each_int,
-    each_pair, each_step, finite, higher, int_unless, lower, map_real, map_whole, real_unless,
-    whole, within,
+    Operation, by_element, compare, each, each_bool, each_element, each_finite, each_int,
+    each_pair, each_step, map_real, map_whole,
 };
 pub use wide::{copy, fill_null, is_null};
 pub use window::{Fold, WINDOW, each_window};

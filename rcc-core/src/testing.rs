@@ -8,13 +8,11 @@ use std::vec::Vec;
 use bytemuck::Zeroable;
 
 use crate::axis::{AxisState, Phases, stop_and_go};
-use crate::frame::{
-    ArmMotion, DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault,
-};
-use crate::guard::JointLimits;
+use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use crate::impedance::ImpedanceLimits;
+use crate::joints::{ArmMotion, JOINTS_MAX, JointLimits, Joints};
 use crate::kinematics::Arm;
-use crate::message::{JOINTS_MAX, Joints, Measurement};
+use crate::message::Measurement;
 use crate::path::{
     MotionBuilder, MotionLimits, MotionState, Motions, PathRequest, PathState, SpeedOverride,
 };

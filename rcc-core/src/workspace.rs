@@ -2,8 +2,8 @@
 //! distance from singularities. Plain data and arithmetic. A net is checked against it before it starts, and each
 //! set-point by the guard.
 
+use crate::joints::Joints;
 use crate::kinematics::{Arm, Singularity};
-use crate::message::Joints;
 use crate::pose::Pose;
 
 /// A box whose edges are parallel to the axes of the arm's base, bounds included, and a minimum distance from

@@ -16,6 +16,7 @@ pub mod live;
 pub mod peer;
 pub mod published;
 pub mod quota;
+pub mod request_class;
 pub mod request_head;
 pub mod routes;
 pub mod service;

@@ -12,9 +12,10 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use crate::cell_fixture::{CellFixture, LIMIT, await_some};
+use crate::cell_fixture::CellFixture;
 use crate::processes::{ends_with_test, signal, with_runtime_dir};
 use crate::programs::repository;
+use crate::waiting::{LIMIT, await_some};
 
 /// A running cell under `rcc-cli up`.
 #[derive(Debug)]

@@ -20,9 +20,7 @@ use crate::processes::{self, signal};
 use crate::programs::program;
 use crate::rest::{self, Reply};
 use crate::simulator::Simulator;
-
-/// Default time limit of a wait. Generous, because a shared machine may stall and only a failing test waits this long.
-pub const LIMIT: Duration = Duration::from_secs(60);
+pub use crate::waiting::{LIMIT, await_some, await_told, await_within};
 
 /// Cell name used by every test; the cells differ in their folders.
 pub const NAME: &str = "test";
@@ -412,38 +410,6 @@ impl ExecutorBoards {
     /// Returns the newest tables.
     pub fn tables(&self) -> Tables {
         self.tables.read()
-    }
-}
-
-/// Polls `ask` until it returns a value; panics after [`LIMIT`].
-pub fn await_some<T>(what: &str, ask: impl FnMut() -> Option<T>) -> T {
-    await_within(LIMIT, what, ask)
-}
-
-/// Like [`await_some`], with another time limit.
-pub fn await_within<T>(limit: Duration, what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
-    let begun = Instant::now();
-    loop {
-        if let Some(value) = ask() {
-            return value;
-        }
-        assert!(begun.elapsed() < limit, "timed out waiting for {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-/// Like [`await_some`], with the last reason why the value was not there in the message of a failure.
-pub fn await_told<T>(what: &str, mut ask: impl FnMut() -> Result<T, String>) -> T {
-    let begun = Instant::now();
-    loop {
-        match ask() {
-            Ok(value) => return value,
-            Err(why) => assert!(
-                begun.elapsed() < LIMIT,
-                "timed out waiting for {what}; at last: {why}"
-            ),
-        }
-        std::thread::sleep(Duration::from_millis(5));
     }
 }
 

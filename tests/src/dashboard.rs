@@ -8,8 +8,9 @@ use std::process::{Child, Stdio};
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
-use crate::cell_fixture::{CellFixture, LIMIT};
+use crate::cell_fixture::CellFixture;
 use crate::processes::{ends_with_test, signal};
+use crate::waiting::LIMIT;
 
 /// A running dashboard; it is killed when this is dropped.
 #[derive(Debug)]

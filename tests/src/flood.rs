@@ -20,9 +20,10 @@ use rcc_core::message::{CommandState, EndReason};
 use serde_json::Value;
 
 use crate::cell::TestCell;
-use crate::cell_fixture::{ExecutorBoards, await_some};
+use crate::cell_fixture::ExecutorBoards;
 use crate::processes::ends_with_test;
 use crate::rest::{self, Reply};
+use crate::waiting::await_some;
 use kinds::FloodKind;
 use report::{Cancel, Interface, Report};
 

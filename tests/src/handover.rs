@@ -9,7 +9,8 @@ use rcc_protocol::Role;
 use rcc_protocol::control::{MEASUREMENT, command_board};
 use serde_json::{Value, json};
 
-use crate::cell_fixture::{CellFixture, await_some};
+use crate::cell_fixture::CellFixture;
+use crate::waiting::await_some;
 
 /// Commands the driver's hold position and keeps the output `gun` on until CANCEL.
 const HOLD: &str = "net: hold

@@ -26,8 +26,10 @@ pub mod set_points;
 pub mod simulator;
 pub mod software_age;
 pub mod unsupervised_cell;
+pub mod waiting;
 
 pub use cell::TestCell;
-pub use cell_fixture::{CellFixture, LIMIT, await_some, await_told};
+pub use cell_fixture::CellFixture;
 pub use programs::{program, repository};
 pub use unsupervised_cell::UnsupervisedCell;
+pub use waiting::{LIMIT, await_some, await_told};

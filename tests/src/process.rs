@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use crate::cell_fixture::{CellFixture, LIMIT};
+use crate::cell_fixture::CellFixture;
 use crate::processes::signal;
+use crate::waiting::LIMIT;
 
 /// A process with the command line that starts it.
 #[derive(Debug)]

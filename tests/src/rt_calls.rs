@@ -8,11 +8,12 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use crate::cell_fixture::{ExecutorBoards, LIMIT, await_some};
+use crate::cell_fixture::ExecutorBoards;
 use crate::nets;
 use crate::processes::{ends_with_test, signal};
 use crate::records::RecordCollector;
 use crate::unsupervised_cell::UnsupervisedCell;
+use crate::waiting::{LIMIT, await_some};
 
 /// Name of the real-time thread.
 const THREAD: &str = "rcc-rt";

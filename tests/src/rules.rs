@@ -5,8 +5,9 @@ use rcc_core::message::CommandImage;
 use rcc_testing::{Random, Rng};
 use serde_json::{Value, json};
 
-use crate::cell_fixture::{CellFixture, await_some};
+use crate::cell_fixture::CellFixture;
 use crate::handover::{Arm, large_net};
+use crate::waiting::await_some;
 
 /// Period of the demo cell, s.
 const PERIOD_S: f64 = 1e-3;

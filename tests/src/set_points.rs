@@ -13,8 +13,9 @@ use rcc_testing::quantile;
 use serde_json::Value;
 
 use crate::TestCell;
-use crate::cell_fixture::{ExecutorBoards, LIMIT};
+use crate::cell_fixture::ExecutorBoards;
 use crate::nets;
+use crate::waiting::LIMIT;
 
 /// The net whose input is set.
 const NET: &str = "\

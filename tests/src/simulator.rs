@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::cell_fixture::await_some;
+use crate::waiting::await_some;
 
 /// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
 /// creeps up to it at a bandwidth of 80 rad/s.

@@ -13,9 +13,10 @@ use rcc_ipc::clean;
 use rcc_os::process_instance::ProcessInstance;
 use rcc_protocol::Role;
 
-use crate::cell_fixture::{CellFixture, ExecutorBoards, await_some};
+use crate::cell_fixture::{CellFixture, ExecutorBoards};
 use crate::processes::{ends_with_test, signal};
 use crate::programs::{program, repository};
+use crate::waiting::await_some;
 
 /// A cell without a supervisor, and its child processes by name.
 #[derive(Debug)]

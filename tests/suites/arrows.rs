@@ -1,6 +1,8 @@
 //! Dependencies between packages point down only (ARCHITECTURE.md, code map): checked with `cargo metadata` and the
 //! sources of the real-time core. Run by the threads of the test harness.
 
+mod files;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;

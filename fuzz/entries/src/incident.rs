@@ -10,7 +10,7 @@ use rcc_core::frame::DeviceInput;
 use rcc_core::message::Measurement;
 use rcc_engine::incident::{self, Incident, IncidentHead, IncidentParts};
 use rcc_engine::net::Net;
-use rcc_engine::record::hash::WordChecksum;
+use rcc_engine::hash::WordChecksum;
 use rcc_engine::record::{EvaluationRecord, FlightRecorder, FlightRecorderConfig, TriggerReason};
 use rcc_engine::replay::{ReplaySource, replay};
 use rcc_engine::rows::RowIndex;

@@ -20,6 +20,7 @@
 pub mod access;
 pub mod cell;
 pub mod connection;
+pub mod listener;
 pub mod outbox;
 pub mod parameters;
 pub mod protocol;

@@ -15,6 +15,7 @@ use rcc_api::own_hosts::OwnHosts;
 use rcc_api::token::{Token, TokenError};
 use rcc_foxglove::access::Access;
 use rcc_foxglove::cell::{self, CellOptions};
+use rcc_foxglove::listener;
 use rcc_foxglove::server::Server;
 use rcc_foxglove::viewers::Viewers;
 use rcc_process::Stop;
@@ -131,7 +132,7 @@ fn run(arguments: Arguments) -> Result<(), GatewayError> {
                 tracing::info!(%signal, "ends");
             }
         };
-        Arc::new(server).serve(listener, end).await;
+        listener::serve(&Arc::new(server), listener, end).await;
         Ok(())
     });
     ends.store(true, Ordering::Release);

@@ -1,33 +1,23 @@
-//! Accepts clients and answers their requests. One thread serves; blocking threads ask the loader.
+//! What the clients share, and the answers to their requests. One thread serves; blocking threads ask the loader.
 
-use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rcc_process::log_throttle::LogThrottle;
-use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
-use tokio::task::{JoinSet, spawn_blocking};
+use tokio::task::spawn_blocking;
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::access::Access;
-use crate::connection;
 use crate::outbox::Outbox;
 use crate::parameters::{ParameterError, Parameters, changes};
 use crate::protocol::{self, Parameter, ServiceCall, StatusLevel};
 use crate::services::{CallError, SERVICES, Service};
 use crate::viewers::Viewers;
 
-/// Connections, including those that have not shown a token yet.
-const CONNECTIONS_MAX: usize = 64;
 /// Calls of LOAD and START at a time, and as many of CANCEL.
 const CALLS_MAX: usize = 8;
 /// Interval at which watched parameters are read.
 const PARAMETERS_EVERY: Duration = Duration::from_millis(500);
-/// Pause after a connection could not be accepted, for lack of file descriptors.
-const ACCEPT_AGAIN: Duration = Duration::from_millis(100);
-/// Time in which clients are told the end.
-const CLOSE_MAX: Duration = Duration::from_secs(1);
 
 /// The server's state.
 pub struct Server {
@@ -44,7 +34,6 @@ pub struct Server {
     session: String,
     calls: Arc<Semaphore>,
     stops: Arc<Semaphore>,
-    refusals: Mutex<LogThrottle>,
 }
 
 impl Server {
@@ -61,51 +50,6 @@ impl Server {
             session: format!("{started}-{}", std::process::id()),
             calls: Arc::new(Semaphore::new(CALLS_MAX)),
             stops: Arc::new(Semaphore::new(CALLS_MAX)),
-            refusals: Mutex::default(),
-        }
-    }
-
-    /// Serves until `end` is ready; then every client is told.
-    pub async fn serve(self: &Arc<Server>, listener: TcpListener, end: impl Future<Output = ()>) {
-        let mut connections = JoinSet::new();
-        let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
-        let watch = tokio::spawn(Arc::clone(self).watch_parameters());
-        tokio::pin!(end);
-        loop {
-            tokio::select! {
-                () = &mut end => break,
-                accepted = listener.accept() => match accepted {
-                    Ok((stream, peer)) => {
-                        // Without a place the connection is closed at once.
-                        let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-                        let server = Arc::clone(self);
-                        connections.spawn(async move {
-                            server.connection(stream, peer).await;
-                            drop(place);
-                        });
-                    }
-                    Err(error) => {
-                        tracing::warn!(%error, "a connection cannot be accepted");
-                        tokio::time::sleep(ACCEPT_AGAIN).await;
-                    }
-                },
-                Some(_) = connections.join_next() => {}
-            }
-        }
-        watch.abort();
-        self.viewers.close();
-        let all = async { while connections.join_next().await.is_some() {} };
-        // Who takes longer is cut off.
-        let _ = tokio::time::timeout(CLOSE_MAX, all).await;
-    }
-
-    async fn connection(self: &Arc<Server>, stream: TcpStream, peer: SocketAddr) {
-        let ended = connection::run(self, stream).await;
-        if let Err(error) = ended {
-            let mut refusals = self.refusals.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(others) = refusals.admit(Instant::now()) {
-                tracing::warn!(%peer, others, "{error}");
-            }
         }
     }
 
@@ -140,8 +84,8 @@ impl Server {
         done.await.ok()
     }
 
-    /// Tells changed parameters to those who watch them.
-    async fn watch_parameters(self: Arc<Server>) {
+    /// Tells changed parameters to those who watch them, for ever.
+    pub async fn watch_parameters(self: Arc<Server>) {
         let mut known: Vec<Parameter> = Vec::new();
         loop {
             tokio::time::sleep(PARAMETERS_EVERY).await;

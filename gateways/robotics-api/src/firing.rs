@@ -1,6 +1,5 @@
 //! Carries out rules that are due, by the core's own atomic operations: `POST /switch` and START where a net starts, an
-//! input that ends a net where one only stops. Run by the engine; rules of the core are installed by the threads of
-//! connections.
+//! input that ends a net where one only stops. Run by the engine.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -8,10 +7,11 @@ use std::time::{Duration, Instant};
 use rcc_api::codes;
 use serde_json::{Map, Value};
 
-use crate::engine;
 use crate::gateway::Gateway;
 use crate::loader::{CellClient, LoaderError};
+use crate::mirror::ensure_loaded;
 use crate::net_text::STOP_INPUT;
+use crate::net_watch::look_at;
 use crate::pushes::NetState;
 use crate::state::{RuleState, ScheduleRule};
 
@@ -66,46 +66,6 @@ pub fn fire_due(gateway: &Gateway, loader: &mut CellClient) {
     }
 }
 
-/// Installs a rule in the core too, where that has the same meaning, so that it takes effect in the next cycle: a rule
-/// that cancels on a condition, such as the guard of a motion. All others are the gateway's alone: a rule that stops ends a
-/// net as its `Termination` does, and one that starts tries again while an arm comes to rest.
-pub fn mirror(gateway: &Gateway, loader: &mut CellClient, number: u64) {
-    let Some(rule) = gateway.state().core_rule(number) else {
-        return;
-    };
-    match loader.install(rule) {
-        Ok(core) => {
-            if let Some(rule) = gateway.state().rules.get_mut(&number) {
-                rule.core = Some(core);
-            }
-        }
-        // The gateway judges it, as it would have done anyway.
-        Err(error) => tracing::debug!(rule = number, %error, "the core does not judge a rule"),
-    }
-}
-
-/// Installs the rules again that name a net which was loaded again.
-pub fn mirror_all(gateway: &Gateway, loader: &mut CellClient, net: &str) {
-    let naming: Vec<u64> = {
-        let state = gateway.state();
-        let active = state
-            .rules
-            .iter()
-            .filter(|(_, rule)| rule.state == RuleState::Active);
-        let names = |rule: &ScheduleRule| {
-            rule.cancel.iter().any(|name| name == net)
-                || rule.condition.reads().iter().any(|(name, _)| *name == net)
-        };
-        active
-            .filter(|(_, rule)| names(rule))
-            .map(|(number, _)| *number)
-            .collect()
-    };
-    for number in naming {
-        mirror(gateway, loader, number);
-    }
-}
-
 fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
     // The stream tells values one by one: those of several ports may be of different cycles.
     let several: BTreeSet<String> = {
@@ -119,7 +79,7 @@ fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
         nets.map(|(net, _)| net.to_owned()).collect()
     };
     for name in &several {
-        engine::look_at(gateway, loader, name);
+        look_at(gateway, loader, name);
     }
     let rule = {
         let state = gateway.state();
@@ -184,9 +144,7 @@ fn carry_out(
     rule: &ScheduleRule,
 ) -> Result<(), RuleRefusal> {
     for name in &rule.start {
-        gateway
-            .ensure_loaded(loader, name)
-            .map_err(RuleRefusal::Never)?;
+        ensure_loaded(gateway, loader, name).map_err(RuleRefusal::Never)?;
     }
     let commands = commands(gateway, rule)?;
     if !commands.start.is_empty() {

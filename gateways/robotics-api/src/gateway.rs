@@ -12,9 +12,9 @@ use rcc_client::LeaseHolder;
 use rcc_language::names::Names;
 
 use crate::devices::DeviceSpec;
-use crate::firing;
 use crate::loader::{CellClient, LoaderError};
 use crate::net_text::{self, NetText, NetUse, STOP_INPUT};
+use crate::net_values::read_values;
 use crate::own_cell::OwnCell;
 use crate::pushes::NetState;
 use crate::rate_limiter::RateLimiter;
@@ -138,34 +138,6 @@ impl Gateway {
         Ok(name)
     }
 
-    /// Loads a net again that is not in the core at the moment.
-    ///
-    /// # Errors
-    /// Returns why it was rejected.
-    pub fn ensure_loaded(&self, loader: &mut CellClient, name: &str) -> Result<(), String> {
-        let text = match self.state().nets.get(name) {
-            Some(net) if net.command.is_none() && !net.state.is_over() => Arc::clone(&net.text),
-            _ => return Ok(()),
-        };
-        let (command, _) = self.install(loader, &text)?;
-        let written = {
-            let mut state = self.state();
-            let Some(net) = state.nets.get_mut(name) else {
-                drop(state);
-                // It was unloaded meanwhile.
-                return loader.unload(name).map_err(|error| error.to_string());
-            };
-            net.command = Some(command);
-            net.written.clone()
-        };
-        if !written.is_empty() {
-            let set = loader.set(name, &written);
-            set.map_err(|error| error.to_string())?;
-        }
-        firing::mirror_all(self, loader, name);
-        Ok(())
-    }
-
     /// Returns the names of the cell's devices by those of the library.
     #[must_use]
     pub fn device_names(&self) -> BTreeMap<String, String> {
@@ -177,7 +149,7 @@ impl Gateway {
     }
 
     /// Loads a text; where the core's table is full, nets that no rule would start make room.
-    fn install(
+    pub(crate) fn install(
         &self,
         loader: &mut CellClient,
         text: &NetText,
@@ -335,66 +307,6 @@ fn evaluated(
 #[must_use]
 pub fn net_prefix() -> String {
     format!("rpi{}net", std::process::id())
-}
-
-/// The command of which values were read.
-#[derive(Debug)]
-pub struct ReadCommand {
-    /// Its state.
-    pub state: String,
-    /// The net's name.
-    pub net: String,
-    /// Cycle of the values.
-    pub cycle: u64,
-}
-
-/// Reads the values that a net reports; null values are missing.
-///
-/// # Errors
-/// Returns the loader's refusal.
-pub fn read_values(
-    loader: &mut CellClient,
-    net: &GatewayNet,
-    command: &str,
-    values: &mut BTreeMap<String, String>,
-) -> Result<ReadCommand, LoaderError> {
-    /// More ports than this are asked for by one pattern.
-    const NAMED_MAX: usize = 48;
-    if net.reported.is_empty() {
-        let detail = loader.state(command)?;
-        return Ok(ReadCommand {
-            state: detail.command.state,
-            net: detail.command.net,
-            cycle: 0,
-        });
-    }
-    let ports: Vec<String> = match net.reported.len() {
-        0..=NAMED_MAX => net
-            .reported
-            .iter()
-            .map(|value| value.port.clone())
-            .collect(),
-        _ => vec!["out*.value".to_owned()],
-    };
-    let view = loader.values(command, &ports)?;
-    let by_port: BTreeMap<&str, &serde_json::Value> = view
-        .values
-        .iter()
-        .map(|value| (value.port.as_str(), &value.value))
-        .collect();
-    for reported in &net.reported {
-        let value = by_port.get(reported.port.as_str());
-        let text = value.and_then(|value| crate::values::to_library(&reported.type_name, value));
-        match text {
-            Some(text) => values.insert(reported.key.clone(), text),
-            None => values.remove(&reported.key),
-        };
-    }
-    Ok(ReadCommand {
-        state: view.state,
-        net: view.net,
-        cycle: view.cycle,
-    })
 }
 
 /// Returns a net that has just been loaded.

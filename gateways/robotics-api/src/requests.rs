@@ -13,6 +13,7 @@ use crate::dio::{DioMessage, DioValue};
 use crate::firing;
 use crate::gateway::Gateway;
 use crate::loader::CellClient;
+use crate::mirror;
 use crate::outbox::Outbox;
 use crate::pushes::NetState;
 use crate::state::{RuleState, ScheduleRule, Session};
@@ -262,7 +263,7 @@ impl Dialogue {
         for name in &start {
             let gateway = Arc::clone(&self.gateway);
             let _cell = gateway.keep_cell();
-            gateway.ensure_loaded(&mut self.loader, name)?;
+            mirror::ensure_loaded(&gateway, &mut self.loader, name)?;
         }
         let mut state = self.gateway.state();
         let reads = condition.reads();
@@ -339,7 +340,7 @@ impl Dialogue {
         };
         state.rules.insert(number, rule);
         drop(state);
-        firing::mirror(&self.gateway, &mut self.loader, number);
+        mirror::mirror(&self.gateway, &mut self.loader, number);
         Ok(number)
     }
 

@@ -2,6 +2,7 @@
 //! real-time. Values are in SI units, times in nanoseconds unless their name says otherwise.
 
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "openapi")]
 use utoipa::ToSchema;
 
 mod records;
@@ -16,7 +17,8 @@ pub use rules::{
 };
 
 /// An error, with the same codes as on the command line.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ErrorBody {
     /// `RCC1xxx` language, `RCC2xxx` configuration, `RCC3xxx` life cycle, `RCC4xxx` processes.
     pub code: String,
@@ -31,7 +33,8 @@ pub struct ErrorBody {
 }
 
 /// One error or warning in a text.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct Finding {
     /// `RCC1xxx` and others.
     pub code: String,
@@ -54,8 +57,9 @@ pub struct Finding {
 }
 
 /// A position in a text, counted from 1.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Place)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
+#[cfg_attr(feature = "openapi", schema(as = Place))]
 pub struct TextLocation {
     /// Name of the text.
     pub file: String,
@@ -72,7 +76,8 @@ pub struct TextLocation {
 }
 
 /// Answer to LOAD.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct Loaded {
     /// The command's id.
     pub id: u64,
@@ -81,7 +86,8 @@ pub struct Loaded {
 }
 
 /// Answer to START, CANCEL, ABORT and UNLOAD.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct Done {
     /// The command's id.
     pub id: u64,
@@ -92,9 +98,10 @@ pub struct Done {
 }
 
 /// A command as named in a request: its id, the net's name, or `name#id`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(untagged)]
-#[schema(as = Named)]
+#[cfg_attr(feature = "openapi", schema(as = Named))]
 pub enum CommandRef {
     /// An id.
     Id(u64),
@@ -103,7 +110,8 @@ pub enum CommandRef {
 }
 
 /// Options of START.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Start {
     /// Commands that end between the same two cycles; if the net cannot take over from them, nothing changes.
@@ -118,7 +126,8 @@ pub struct Start {
 }
 
 /// A hand-over: all of it happens between the same two cycles, or nothing.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Switch {
     /// Active commands that end, at most 8.
@@ -136,7 +145,8 @@ pub struct Switch {
 }
 
 /// Answer to a hand-over.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct Switched {
     /// Executor cycle in which the started commands were first evaluated; the stopped ones were last evaluated in the
     /// cycle before.
@@ -148,7 +158,8 @@ pub struct Switched {
 }
 
 /// Answer to setting inputs.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct InputsSet {
     /// The command's id.
     pub id: u64,
@@ -161,7 +172,8 @@ pub struct InputsSet {
 }
 
 /// Values of ports of one net, all from one cycle.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ValuesView {
     /// The command's id.
     pub id: u64,
@@ -180,7 +192,8 @@ pub struct ValuesView {
 }
 
 /// The value of a port.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ValueView {
     /// `primitive.port`, or `primitive.port[index]`.
     pub port: String,
@@ -191,13 +204,14 @@ pub struct ValueView {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
     /// A number, a truth value, or a list of them. Null is `null`; infinity is the text `inf` or `-inf`.
-    #[schema(value_type = Object)]
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub value: serde_json::Value,
 }
 
 /// Answer to a request for an incident file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Frozen)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
+#[cfg_attr(feature = "openapi", schema(as = Frozen))]
 pub struct WrittenIncident {
     /// Executor cycle in which the recording was frozen; the file contains the seconds before it and a short time after
     /// it.
@@ -209,7 +223,8 @@ pub struct WrittenIncident {
 }
 
 /// A command.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct CommandView {
     /// Its id.
     pub id: u64,
@@ -268,7 +283,8 @@ pub struct CommandView {
 }
 
 /// Result of a rehearsal: what a net did in virtual time, before anything was commanded.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct RehearsalView {
     /// Virtual time that was checked, s.
     pub time_s: f64,
@@ -291,7 +307,8 @@ pub struct RehearsalView {
 }
 
 /// The highest use of a limit.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct PeakView {
     /// `speed`, `acceleration` or `jerk`.
     pub of: String,
@@ -304,7 +321,8 @@ pub struct PeakView {
 }
 
 /// A command with its text.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct CommandDetail {
     /// The command.
     #[serde(flatten)]
@@ -313,7 +331,7 @@ pub struct CommandDetail {
     pub text: String,
     /// Slots of every port and monitor in the plan; `null` while it is loading, and in brief answers.
     #[serde(default)]
-    #[schema(value_type = Option<Object>)]
+    #[cfg_attr(feature = "openapi", schema(value_type = Option<Object>))]
     pub names: serde_json::Value,
 }
 
@@ -343,7 +361,8 @@ struct InputName {
 }
 
 /// The fault that ended a net.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct FaultView {
     /// `device lost`, `jump`, `limit`, `panic`, `motion`, `overrun`.
     pub fault: String,
@@ -364,7 +383,8 @@ pub struct FaultView {
 }
 
 /// A topic: a value that goes from net to net.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct TopicView {
     /// Its name.
     pub topic: String,
@@ -380,7 +400,8 @@ pub struct TopicView {
 }
 
 /// A net at one end of a topic.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct TopicEnd {
     /// Id of the command.
     pub id: u64,
@@ -393,7 +414,8 @@ pub struct TopicEnd {
 }
 
 /// A device.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct DeviceView {
     /// Its name.
     pub name: String,
@@ -420,7 +442,8 @@ pub struct DeviceView {
 }
 
 /// A channel of a device.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ChannelView {
     /// Its name.
     pub name: String,
@@ -434,7 +457,8 @@ pub struct ChannelView {
 }
 
 /// Status of the whole cell.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StatusView {
     /// The cell's name.
     pub cell: String,
@@ -454,7 +478,8 @@ pub struct StatusView {
 }
 
 /// A helper thread of a process.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct HelperView {
     /// `executor` or `loader`.
     pub process: String,
@@ -471,7 +496,8 @@ pub struct HelperView {
 }
 
 /// A late cycle.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct LateView {
     /// Number of the cycle.
     pub cycle: u64,
@@ -491,7 +517,8 @@ pub struct LateView {
 }
 
 /// Answer to an acknowledgement.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct Acknowledged {
     /// Executor cycle from which worst values and histograms begin again.
     pub cycle: u64,
@@ -500,7 +527,8 @@ pub struct Acknowledged {
 }
 
 /// Distributions of times since the last acknowledgement or the start, and the cost of primitives.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct TimingView {
     /// Executor cycle in which this was written.
     pub cycle: u64,
@@ -525,7 +553,8 @@ pub struct TimingView {
 }
 
 /// A distribution of times.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct HistogramView {
     /// Number of samples.
     pub count: u64,
@@ -546,7 +575,8 @@ pub struct HistogramView {
 }
 
 /// A distribution of times that only grows.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(default)]
 pub struct TotalView {
     /// Number of samples.
@@ -558,7 +588,8 @@ pub struct TotalView {
 }
 
 /// One bucket of a histogram.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct BucketView {
     /// Upper bound, inclusive, ns.
     pub to_ns: u64,
@@ -567,7 +598,8 @@ pub struct BucketView {
 }
 
 /// Cost of the primitives of one type, by sampling: the sums of several types are in the ratio of their total costs.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct PrimitiveTimeView {
     /// The type.
     #[serde(rename = "type")]
@@ -583,7 +615,8 @@ pub struct PrimitiveTimeView {
 }
 
 /// The executor.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ExecutorView {
     /// Its process id.
     pub pid: u32,
@@ -644,7 +677,8 @@ pub struct ExecutorView {
 }
 
 /// The time source of the executor's cycles.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(default)]
 pub struct ClockView {
     /// `own`; or `searching`, `locked` or `unfit` for a clock that follows a device.
@@ -664,7 +698,8 @@ pub struct ClockView {
 }
 
 /// A process of the cell.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ProcessView {
     /// `executor`, `loader`, `driver`, …
     pub role: String,
@@ -681,7 +716,8 @@ pub struct ProcessView {
 }
 
 /// A primitive of the catalogue.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct PrimitiveView {
     /// Name of the type in nets.
     pub name: String,
@@ -715,7 +751,8 @@ pub struct PrimitiveView {
 }
 
 /// A port of a primitive.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct PortView {
     /// Its name.
     pub name: String,
@@ -741,7 +778,8 @@ pub struct PortView {
 }
 
 /// A table of worked values of a primitive.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ExampleView {
     /// Title of the example.
     pub shows: String,
@@ -756,7 +794,8 @@ pub struct ExampleView {
 }
 
 /// A parameter of a primitive.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ParameterView {
     /// Its name.
     pub name: String,

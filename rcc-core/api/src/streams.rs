@@ -2,12 +2,14 @@
 //! loader, read by clients.
 
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "openapi")]
 use utoipa::ToSchema;
 
 use crate::bodies::{ErrorBody, FaultView};
 
 /// First line of a set-point channel.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ChannelOpened {
     /// The command's id.
     pub id: u64,
@@ -16,7 +18,8 @@ pub struct ChannelOpened {
 }
 
 /// A set of values took effect.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ChannelSet {
     /// The newest line of the set, counted from 1; empty lines are not counted.
     pub line: u64,
@@ -25,7 +28,8 @@ pub struct ChannelSet {
 }
 
 /// A line was refused, or the channel ends.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ChannelError {
     /// The line, counted from 1; missing if the error is not of one line.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -35,7 +39,8 @@ pub struct ChannelError {
 }
 
 /// Last line of a set-point channel: what became of all lines.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct ChannelEnd {
     /// Lines that the client sent.
     pub lines: u64,
@@ -54,7 +59,8 @@ pub struct ChannelEnd {
 }
 
 /// Data of the event `ports` of a stream: the ports of the following values of this command.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamPorts {
     /// The command's id.
     pub id: u64,
@@ -65,7 +71,8 @@ pub struct StreamPorts {
 }
 
 /// One port of a stream.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamPort {
     /// `primitive.port`, or `primitive.port[index]`.
     pub port: String,
@@ -78,7 +85,8 @@ pub struct StreamPort {
 }
 
 /// Data of the event `values` of a stream: values of one net, all from one cycle.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamValues {
     /// The command's id.
     pub id: u64,
@@ -91,12 +99,13 @@ pub struct StreamValues {
     /// Logical time of the net, s.
     pub time_s: f64,
     /// The values by port; null is null.
-    #[schema(value_type = Object)]
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub values: serde_json::Map<String, serde_json::Value>,
 }
 
 /// Data of the event `monitored` of a stream: all values of monitors since the last such event, and how far it is.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamMonitored {
     /// Executor cycle in which the values were read; those of the last cycles may follow.
     pub cycle: u64,
@@ -107,7 +116,8 @@ pub struct StreamMonitored {
 }
 
 /// Values of one monitored port, in order.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct MonitorBatch {
     /// The command's id.
     pub id: u64,
@@ -120,12 +130,13 @@ pub struct MonitorBatch {
     /// Executor cycles of the values.
     pub cycles: Vec<u64>,
     /// The values; null is null.
-    #[schema(value_type = Vec<Object>)]
+    #[cfg_attr(feature = "openapi", schema(value_type = Vec<Object>))]
     pub values: Vec<serde_json::Value>,
 }
 
 /// Data of the event `state` of a stream: the state of a command, at the beginning and at each change.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamState {
     /// The command's id.
     pub id: u64,
@@ -145,12 +156,14 @@ pub struct StreamState {
 }
 
 /// Data of the event `end` of a stream: nothing can follow, because every command that `ports` names by its id has ended.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamEnd {}
 
 /// Data of the event `lost` of a stream: counts since the last such event. The client read too slowly, or the samples
 /// could not be taken at the rate.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct StreamLoss {
     /// Samples of values.
     pub samples: u64,

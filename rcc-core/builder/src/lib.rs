@@ -42,6 +42,7 @@
 pub struct Document;
 
 mod builder;
+mod constants;
 mod fragment;
 mod operators;
 mod value;

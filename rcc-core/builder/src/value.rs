@@ -90,6 +90,10 @@ impl<T> Value<T> {
 pub struct AnyValue(Tree);
 
 impl AnyValue {
+    pub(crate) fn new(tree: Tree) -> AnyValue {
+        AnyValue(tree)
+    }
+
     pub(crate) fn tree(self) -> Tree {
         self.0
     }
@@ -132,7 +136,7 @@ pub fn rotation(rpy: [f64; 3]) -> Value<Rotation> {
     Value::new(Tree::map([("rpy".to_string(), reals(&rpy))]))
 }
 
-fn number(value: f64) -> Tree {
+pub(crate) fn number(value: f64) -> Tree {
     // The language has no infinite numbers: they become null, like NaN.
     Tree::Plain(if value.is_finite() {
         scalar::real(value)
@@ -141,72 +145,6 @@ fn number(value: f64) -> Tree {
     })
 }
 
-fn reals(values: &[f64]) -> Tree {
+pub(crate) fn reals(values: &[f64]) -> Tree {
     Tree::list(values.iter().map(|value| number(*value)))
-}
-
-/// Conversions from Rust values to constants of one type.
-macro_rules! constants {
-    ($(<$($n:ident)*> $from:ty => $to:ty, $value:ident: $tree:expr;)*) => {
-        $(
-            impl<$(const $n: usize),*> From<$from> for Value<$to> {
-                fn from($value: $from) -> Value<$to> {
-                    Value::new($tree)
-                }
-            }
-            impl<$(const $n: usize),*> From<$from> for crate::In<'_, $to> {
-                fn from($value: $from) -> Self {
-                    crate::In::constant($tree)
-                }
-            }
-        )*
-    };
-}
-
-constants! {
-    <> bool => Bool, value: Tree::Plain(value.to_string());
-    <> i64 => Int, value: Tree::Plain(value.to_string());
-    <> i32 => Int, value: Tree::Plain(value.to_string());
-    <> f64 => Real, value: number(value);
-    <> &str => Real, value: Tree::Text(value.to_string());
-    <> [f64; 3] => Vector3, value: reals(&value);
-    <> [f64; 6] => Twist, value: reals(&value);
-    <> [f64; 6] => Wrench, value: reals(&value);
-    <N> [f64; N] => Joints, value: reals(&value);
-    <N> [f64; N] => Reals<N>, value: reals(&value);
-    <R C> [[f64; C]; R] => Matrix<R, C>, value: Tree::list(value.iter().map(|row| reals(row)));
-}
-
-impl From<&str> for Value<Text> {
-    fn from(value: &str) -> Value<Text> {
-        Value::new(Tree::Text(value.to_string()))
-    }
-}
-
-/// Conversions for values whose type is checked when the net is loaded.
-macro_rules! any {
-    ($($from:ty, $value:ident: $tree:expr;)*) => {
-        $(
-            impl From<$from> for AnyValue {
-                fn from($value: $from) -> AnyValue {
-                    AnyValue($tree)
-                }
-            }
-            impl From<$from> for crate::AnyIn<'_> {
-                fn from($value: $from) -> Self {
-                    crate::AnyIn::constant($tree)
-                }
-            }
-        )*
-    };
-}
-
-any! {
-    bool, value: Tree::Plain(value.to_string());
-    i64, value: Tree::Plain(value.to_string());
-    i32, value: Tree::Plain(value.to_string());
-    f64, value: number(value);
-    &str, value: literal::<Untyped>(value).tree();
-    &[f64], value: reals(value);
-    Vec<f64>, value: reals(&value);
 }

@@ -8,11 +8,11 @@ use rcc_api::bodies::{
     Switched,
 };
 use rcc_api::codes;
-use serde::de::DeserializeOwned;
 
-use crate::command::{Command, Outcome};
+use crate::command::Command;
+use crate::connection::Connection;
 use crate::error::{ClientError, RequestError};
-use crate::lease::LeaseHolder;
+use crate::outcome::Outcome;
 use crate::transport::{LoaderClient, RemoteLoader, segment};
 use crate::watch::Watch;
 
@@ -23,14 +23,10 @@ const LOAD_MAX: Duration = Duration::from_secs(60);
 /// Interval at which a net that is being loaded is looked at.
 const LOAD_POLL: Duration = Duration::from_millis(2);
 
-/// Time without a sign of life after which a program counts as lost, unless it says otherwise.
-const LOST_AFTER: Duration = Duration::from_secs(1);
-
 /// A connection to a cell. Dropping it is the loss of the client for what it runs.
 #[derive(Debug)]
 pub struct Cell {
-    pub(crate) client: LoaderClient,
-    pub(crate) lease: LeaseHolder,
+    pub(crate) connection: Connection,
 }
 
 impl Cell {
@@ -75,8 +71,7 @@ impl Cell {
 
     fn proven(client: LoaderClient) -> Result<Cell, ClientError> {
         let cell = Cell {
-            client,
-            lease: LeaseHolder::new(LOST_AFTER),
+            connection: Connection::new(client),
         };
         cell.status()?;
         Ok(cell)
@@ -87,23 +82,8 @@ impl Cell {
     #[must_use]
     pub fn with_lost_after(self, lost_after: Duration) -> Cell {
         Cell {
-            lease: LeaseHolder::new(lost_after),
-            ..self
+            connection: self.connection.with_lost_after(lost_after),
         }
-    }
-
-    /// Sends a request that starts commands; `body` is made with the lease to which they are bound, if any.
-    pub(crate) fn begin<T: DeserializeOwned>(
-        &self,
-        path: &str,
-        on_client_loss: OnClientLoss,
-        body: impl Fn(Option<u64>) -> Result<String, ClientError>,
-    ) -> Result<T, ClientError> {
-        if on_client_loss == OnClientLoss::GoOn {
-            return Ok(self.client.post(path, body(None)?)?);
-        }
-        self.lease
-            .begin(&self.client, path, |number| body(Some(number)))
     }
 
     /// Returns the executor's health and the cell's processes.
@@ -111,7 +91,7 @@ impl Cell {
     /// # Errors
     /// Fails if the loader does not answer.
     pub fn status(&self) -> Result<StatusView, ClientError> {
-        Ok(self.client.get("/status")?)
+        Ok(self.connection.client.get("/status")?)
     }
 
     /// Returns the devices with their channels.
@@ -119,7 +99,7 @@ impl Cell {
     /// # Errors
     /// As [`Cell::status`].
     pub fn devices(&self) -> Result<Vec<DeviceView>, ClientError> {
-        Ok(self.client.get("/devices")?)
+        Ok(self.connection.client.get("/devices")?)
     }
 
     /// Returns all commands, by id.
@@ -127,7 +107,7 @@ impl Cell {
     /// # Errors
     /// As [`Cell::status`].
     pub fn commands(&self) -> Result<Vec<CommandView>, ClientError> {
-        Ok(self.client.get("/commands")?)
+        Ok(self.connection.client.get("/commands")?)
     }
 
     /// LOAD: returns the command when it is ready. `net` is its text in YAML or JSON, as `NetBuilder::to_yaml` of
@@ -136,8 +116,8 @@ impl Cell {
     /// # Errors
     /// Fails if the net has errors ([`ClientError::Rejected`]), or if the loader refuses.
     pub fn load(&self, net: &str) -> Result<Command<'_>, ClientError> {
-        let Loaded { id, .. } = self.client.post("/commands", net.to_owned())?;
-        let command = Command::new(self, id);
+        let Loaded { id, .. } = self.connection.client.post("/commands", net.to_owned())?;
+        let command = Command::new(&self.connection, id);
         let limit = Instant::now() + LOAD_MAX;
         loop {
             let view = command.state()?;
@@ -159,8 +139,8 @@ impl Cell {
     /// Fails if there is none.
     pub fn command(&self, name: &str) -> Result<Command<'_>, ClientError> {
         let path = format!("/commands/{}?brief=true", segment(name));
-        let view: CommandView = self.client.get(&path)?;
-        Ok(Command::new(self, view.id))
+        let view: CommandView = self.connection.client.get(&path)?;
+        Ok(Command::new(&self.connection, view.id))
     }
 
     /// Loads and starts a net. It is canceled when this program is gone, and when this connection is dropped.
@@ -244,7 +224,7 @@ impl Cell {
             let ids = commands.iter().map(|command| CommandRef::Id(command.id()));
             ids.collect()
         };
-        let switched: Switched = self.begin("/switch", on_client_loss, |lease| {
+        let switched: Switched = self.connection.begin("/switch", on_client_loss, |lease| {
             crate::json_text(&Switch {
                 stop: ids(stop),
                 start: ids(start),
@@ -263,9 +243,7 @@ impl Cell {
     /// # Errors
     /// Fails if there is no such net or port, or if the rate is out of range.
     pub fn watch(&self, ports: &[&str], rate: f64) -> Result<Watch<'_>, ClientError> {
-        let ports: Vec<String> = ports.iter().map(|port| segment(port)).collect();
-        let path = format!("/stream?ports={}&rate={rate}", ports.join(","));
-        Ok(Watch::new(self.client.lines(&path)?))
+        self.connection.watch(ports, rate)
     }
 }
 

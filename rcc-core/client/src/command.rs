@@ -1,14 +1,14 @@
-//! A loaded net, and how it ended. Blocks the calling thread.
+//! A loaded net. Blocks the calling thread.
 
-use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{CommandView, Done, InputsSet, OnClientLoss, Start, ValuesView};
 use serde::Serialize;
 
-use crate::cell::Cell;
+use crate::connection::Connection;
 use crate::error::ClientError;
+use crate::outcome::Outcome;
 use crate::watch::Watch;
 
 /// Interval at which a command that is awaited is looked at.
@@ -16,63 +16,19 @@ const POLL: Duration = Duration::from_millis(5);
 /// Maximum time that an interrupted net is given to come to rest.
 const REST_MAX: Duration = Duration::from_secs(60);
 
-/// How a command ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Outcome {
-    /// The net's name.
-    pub net: String,
-    /// The command's id.
-    pub id: u64,
-    /// `finished canceled aborted fault`.
-    pub reason: String,
-    /// Name of the outcome of its `Termination`, if it has one.
-    pub outcome: Option<String>,
-    /// How it ended, in words.
-    pub words: String,
-    /// Number of its evaluations.
-    pub cycles: u64,
-}
-
-impl Outcome {
-    /// Returns itself if the net finished by itself.
-    ///
-    /// # Errors
-    /// Returns [`ClientError::NotFinished`] for every other reason.
-    pub fn finished(self) -> Result<Outcome, ClientError> {
-        match self.reason.as_str() {
-            "finished" => Ok(self),
-            _ => Err(ClientError::NotFinished(self)),
-        }
-    }
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Outcome {
-            net,
-            id,
-            reason,
-            words,
-            ..
-        } = self;
-        let words = if words.is_empty() { reason } else { words };
-        write!(formatter, "{net}#{id}  {words}")
-    }
-}
-
 /// A loaded net. Dropping it changes nothing in the cell.
 #[derive(Debug)]
 pub struct Command<'a> {
-    cell: &'a Cell,
+    connection: &'a Connection,
     id: u64,
     // True if it ends with this program; written and read by callers, and no other memory depends on it.
     is_bound: AtomicBool,
 }
 
 impl<'a> Command<'a> {
-    pub(crate) fn new(cell: &'a Cell, id: u64) -> Command<'a> {
+    pub(crate) fn new(connection: &'a Connection, id: u64) -> Command<'a> {
         Command {
-            cell,
+            connection,
             id,
             is_bound: AtomicBool::new(false),
         }
@@ -93,11 +49,14 @@ impl<'a> Command<'a> {
     /// # Errors
     /// Fails if the loader does not answer, or if it was unloaded.
     pub fn state(&self) -> Result<CommandView, ClientError> {
-        Ok(self.cell.client.get(&self.path("?brief=true"))?)
+        Ok(self.connection.client.get(&self.path("?brief=true"))?)
     }
 
     fn operate(&self, what: &str) -> Result<u64, ClientError> {
-        let done: Done = self.cell.client.post(&self.path(what), String::new())?;
+        let done: Done = self
+            .connection
+            .client
+            .post(&self.path(what), String::new())?;
         Ok(done.cycle)
     }
 
@@ -114,14 +73,14 @@ impl<'a> Command<'a> {
     /// # Errors
     /// As [`Command::start`], or if no lease can be granted.
     pub fn start_with(&self, on_client_loss: OnClientLoss) -> Result<u64, ClientError> {
-        let started: Done = self
-            .cell
-            .begin(&self.path("/start"), on_client_loss, |lease| {
-                crate::json_text(&Start {
-                    lease,
-                    ..Start::default()
-                })
-            })?;
+        let started: Done =
+            self.connection
+                .begin(&self.path("/start"), on_client_loss, |lease| {
+                    crate::json_text(&Start {
+                        lease,
+                        ..Start::default()
+                    })
+                })?;
         self.bind(on_client_loss);
         Ok(started.cycle)
     }
@@ -156,7 +115,7 @@ impl<'a> Command<'a> {
     /// # Errors
     /// Fails if it is active.
     pub fn unload(&self) -> Result<(), ClientError> {
-        let _: Done = self.cell.client.delete(&self.path(""))?;
+        let _: Done = self.connection.client.delete(&self.path(""))?;
         Ok(())
     }
 
@@ -167,7 +126,7 @@ impl<'a> Command<'a> {
     pub fn wait(&self, timeout: Option<Duration>) -> Result<Outcome, ClientError> {
         let begun = Instant::now();
         loop {
-            let view: CommandView = self.cell.client.get(&self.path("?unloaded=true"))?;
+            let view: CommandView = self.connection.client.get(&self.path("?unloaded=true"))?;
             if matches!(view.state.as_str(), "terminated" | "rejected") {
                 return Ok(Outcome {
                     net: view.net,
@@ -194,7 +153,7 @@ impl<'a> Command<'a> {
     /// Fails if an input or a value is not possible; then nothing has changed.
     pub fn set(&self, values: &impl Serialize) -> Result<u64, ClientError> {
         let body = crate::json_text(values)?;
-        let set: InputsSet = self.cell.client.put(&self.path("/inputs"), body)?;
+        let set: InputsSet = self.connection.client.put(&self.path("/inputs"), body)?;
         Ok(set.cycle)
     }
 
@@ -204,7 +163,10 @@ impl<'a> Command<'a> {
     /// Fails if it has no such port.
     pub fn values(&self, ports: &[&str]) -> Result<ValuesView, ClientError> {
         let ports: Vec<String> = ports.iter().map(|port| (*port).to_owned()).collect();
-        Ok(self.cell.client.values(&self.id.to_string(), &ports)?)
+        Ok(self
+            .connection
+            .client
+            .values(&self.id.to_string(), &ports)?)
     }
 
     /// Watches values of its ports such as `move.distance` or `*`, at a rate, Hz (0.1 to the rate of the cell). The
@@ -218,7 +180,7 @@ impl<'a> Command<'a> {
             .map(|port| format!("#{}/{port}", self.id))
             .collect();
         let ports: Vec<&str> = ports.iter().map(String::as_str).collect();
-        self.cell.watch(&ports, rate)
+        self.connection.watch(&ports, rate)
     }
 
     /// CANCEL, or ABORT if it cannot be canceled; waits for the end, and unloads.

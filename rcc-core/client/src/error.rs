@@ -5,7 +5,7 @@ use std::time::Duration;
 use rcc_api::bodies::ErrorBody;
 use rcc_api::codes::{self, ErrorCode};
 
-use crate::Outcome;
+use crate::outcome::Outcome;
 
 /// A request that failed: refused by the loader, or not answered.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,4 +88,17 @@ pub enum ClientError {
         "the cell's answer is not understood: {0}; use this program with a cell of its version"
     )]
     NotUnderstood(String),
+}
+
+impl Outcome {
+    /// Returns itself if the net finished by itself.
+    ///
+    /// # Errors
+    /// Returns [`ClientError::NotFinished`] for every other reason.
+    pub fn finished(self) -> Result<Outcome, ClientError> {
+        match self.reason.as_str() {
+            "finished" => Ok(self),
+            _ => Err(ClientError::NotFinished(self)),
+        }
+    }
 }

@@ -12,15 +12,18 @@
 
 mod cell;
 mod command;
+mod connection;
 mod error;
 mod lease;
+mod outcome;
 mod transport;
 mod watch;
 
 pub use cell::Cell;
-pub use command::{Command, Outcome};
+pub use command::Command;
 pub use error::{ClientError, RequestError};
 pub use lease::LeaseHolder;
+pub use outcome::Outcome;
 pub use rcc_api::bodies::{CommandView, DeviceView, OnClientLoss, StatusView, ValuesView};
 pub use rcc_api::streams::StreamValues;
 pub use transport::{Lines, LoaderClient, RemoteLoader, no_loader, runtime_folder, segment};

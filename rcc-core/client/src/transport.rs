@@ -227,6 +227,12 @@ impl LoaderClient {
         path: &str,
         body: String,
     ) -> Result<T, RequestError> {
+        let bytes = self.answer(method, path, body)?;
+        serde_json::from_slice(&bytes).map_err(|error| answer_not_understood(&error))
+    }
+
+    /// Returns the body of a successful answer. Not generic: compiled once.
+    fn answer(&self, method: Method, path: &str, body: String) -> Result<Bytes, RequestError> {
         let exchange = self.exchange(method, path, body);
         let answer = self
             .runtime
@@ -246,7 +252,7 @@ impl LoaderClient {
             }
         };
         if status.is_success() {
-            return serde_json::from_slice(&bytes).map_err(|error| answer_not_understood(&error));
+            return Ok(bytes);
         }
         let body: ErrorBody =
             serde_json::from_slice(&bytes).map_err(|error| answer_not_understood(&error))?;

@@ -43,7 +43,6 @@ use command_table::CommandTable;
 use devices::Devices;
 use handover::Handover;
 use leases::LeaseTable;
-pub use rule_table::RuleSet;
 use rule_table::RuleTable;
 use timing::CycleTimer;
 use topics::PublishedTopics;

@@ -4,7 +4,7 @@
 //! A file is a sequence of 64-bit words, little-endian: the magic number, the length of the head in bytes, the head
 //! (JSON, padded with spaces), the command files of the nets (as the loader wrote them, padded with zeros), the
 //! devices, the plans with their start conditions, the records of the ring ([`crate::record::entry`]), and a checksum
-//! over all words ([`crate::record::hash::version_1`], as of Ints).
+//! over all words ([`crate::hash::version_1`], as of Ints).
 
 mod word_format;
 
@@ -18,9 +18,9 @@ use rcc_core::primitives;
 use rcc_protocol::events::hex_digits;
 use serde::{Deserialize, Serialize};
 
+use crate::hash::WordChecksum;
 use crate::net::NetOrigin;
 use crate::record::entry;
-use crate::record::hash::WordChecksum;
 use crate::record::ring::RecordRing;
 use word_format::{DamagedFile, WordReader};
 
@@ -30,7 +30,7 @@ pub const EXTENSION: &str = "rcc-incident";
 const MARK: u64 = u64::from_le_bytes(*b"RCC-incd");
 /// Version of the file format.
 pub const FORMAT: u32 = 8;
-/// The oldest version that is read: its evaluations have another hash, see [`crate::record::hash`].
+/// The oldest version that is read: its evaluations have another hash, see [`crate::hash`].
 const FORMAT_OLDEST: u32 = 7;
 /// Greatest length of the head, bytes.
 const HEAD_MAX: u64 = 4 << 20;

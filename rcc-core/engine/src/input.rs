@@ -6,7 +6,6 @@ use rcc_core::plan::{InputPoint, Plan};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 use rcc_protocol::control::{InputFault, InputValue, Refusal};
 
-use crate::net::Net;
 use crate::rows::RowIndex;
 
 /// The arenas of a net.
@@ -50,6 +49,15 @@ pub struct TopicSource {
     pub row: RowIndex,
     /// Index in the list of values that the net publishes.
     pub publish: usize,
+}
+
+/// A net that publishes values.
+pub trait Publisher {
+    /// Executor's cycle of its last evaluation.
+    fn evaluated_cycle(&self) -> u64;
+    /// Copies a published value to another net. It becomes null if width or type of slot differ, which happens if a
+    /// plan declares wrong types.
+    fn copy_published(&self, publish: usize, to: &InputPoint, room: &mut [u64]);
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,11 +115,11 @@ impl NetInputs {
     /// Stages the values that other nets have computed since the last call, and null for topics that no net publishes
     /// any more. `cycle` is the executor's cycle, `every` the number of cycles between two evaluations of this net;
     /// `net_in` returns the net in a row.
-    pub fn receive<'n>(
+    pub fn receive<'n, P: Publisher + 'n>(
         &mut self,
         points: &[InputPoint],
         (cycle, every): (u64, u32),
-        net_in: impl Fn(RowIndex) -> Option<&'n Net>,
+        net_in: impl Fn(RowIndex) -> Option<&'n P>,
     ) {
         let buffers = self.buffers.iter_mut().zip(points);
         for (place, point) in buffers.filter(|(_, point)| point.topic.is_some()) {
@@ -121,11 +129,11 @@ impl NetInputs {
             let source = place.source;
             let net = source.and_then(|source| Some((net_in(source.row)?, source.publish)));
             match net {
-                Some((net, _)) if place.source_cycle == Some(net.evaluated_cycle) => continue,
+                Some((net, _)) if place.source_cycle == Some(net.evaluated_cycle()) => continue,
                 Some((net, publish)) => {
                     net.copy_published(publish, point, room);
-                    (place.source_cycle, place.from_topic) = (Some(net.evaluated_cycle), true);
-                    let since = cycle.saturating_sub(net.evaluated_cycle + 1);
+                    (place.source_cycle, place.from_topic) = (Some(net.evaluated_cycle()), true);
+                    let since = cycle.saturating_sub(net.evaluated_cycle() + 1);
                     let late = since.checked_div(u64::from(every)).unwrap_or(0);
                     place.late = u16::try_from(late).unwrap_or(u16::MAX);
                 }

@@ -7,6 +7,7 @@
 pub mod boards;
 pub mod costs;
 pub mod engine;
+pub mod hash;
 pub mod incident;
 pub mod input;
 pub mod kernel_nets;
@@ -17,3 +18,5 @@ pub mod rehearsal;
 pub mod replay;
 pub mod rows;
 pub mod rule;
+pub mod rule_set;
+pub mod snapshot;

@@ -10,8 +10,8 @@ use rcc_motion::MotionSet;
 use rcc_protocol::control::{InputValue, PlanData, Refusal};
 
 use crate::input::{NetInputs, TopicSource};
-use crate::record::entry::NetSnapshot;
 use crate::rows::RowIndex;
+use crate::snapshot::NetSnapshot;
 
 mod arena;
 mod build;
@@ -106,7 +106,7 @@ impl Net {
         self.arena.slices()
     }
 
-    /// The hash of all slots, see [`crate::record::hash`].
+    /// The hash of all slots, see [`crate::hash`].
     #[inline]
     pub fn hash(&self) -> u64 {
         self.arena.hash()

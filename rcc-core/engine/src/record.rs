@@ -7,7 +7,6 @@
 //! from another net; at most one snapshot of a net per cycle, each net about once a second.
 
 pub mod entry;
-pub mod hash;
 pub mod ring;
 pub mod rule_entry;
 
@@ -19,10 +18,11 @@ use rcc_protocol::rules::{RULE_TERMS_MAX, Rule, RuleStatus};
 use rtrb::{Consumer, Producer};
 
 use crate::boards::DeviceBoards;
-use crate::engine::RuleSet;
+use crate::hash;
 use crate::net::{Evaluation, Net};
 use crate::queue::EngineRequest;
 use crate::rows::{RowIndex, RowSet, set_bits};
+use crate::rule_set::RuleSet;
 use entry::{
     BEGINS, CANCEL, HASH_2, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
     prepared_again_flags,

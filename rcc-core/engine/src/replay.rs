@@ -13,10 +13,10 @@ use rcc_core::types::Store;
 
 use rcc_protocol::control::Refusal;
 
+use crate::hash::real_word;
 use crate::net::{Evaluation, Net, NetOrigin};
 use crate::record::entry::RequestKind;
 use crate::record::entry::{NetSnapshot, RecordEntries, RecordEntry, UnknownRecord, input_of};
-use crate::record::hash::real_word;
 use rules::RuleReplay;
 pub use rules::RuleReplayResult;
 
@@ -336,7 +336,7 @@ impl NetReplay {
             let (recorded, replayed) = (cycles, net.cycles);
             Some(MismatchKind::Cycles { recorded, replayed })
         } else {
-            (!recorded.is_of(net)).then_some(MismatchKind::Slots)
+            (!recorded.is_of(net.arenas(), net.hash())).then_some(MismatchKind::Slots)
         };
         let result = &mut self.result;
         result.compared += 1;

@@ -3,16 +3,15 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use nix::fcntl::Flock;
 use rcc_protocol::{Announcement, Role};
 
 use crate::cell::{Cell, CellError};
-use crate::clean::write_private;
 use crate::lock::{self, LockError};
-use crate::ownership;
 
 /// Maximum size of an announcement file, bytes.
 const BYTES_MAX: u64 = 1 << 20;
@@ -97,7 +96,7 @@ impl Announced {
 impl Drop for Announced {
     fn drop(&mut self) {
         // The cell was released: files at these paths now belong to another process.
-        if !ownership::is_locked_file(&self.lock_path, &self.lock) {
+        if !lock::is_locked_file(&self.lock_path, &self.lock) {
             return;
         }
         // Only the holder of the lock writes or removes these files. A failure is harmless: the next process of this
@@ -222,4 +221,11 @@ fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> 
     write_private(&beside, &text)
         .and_then(|()| fs::rename(&beside, path))
         .map_err(failed)
+}
+
+/// Writes a file that only its owner may read.
+fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut options = fs::OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    options.open(path)?.write_all(bytes)
 }

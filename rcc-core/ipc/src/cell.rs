@@ -2,10 +2,12 @@
 //! not real-time; creates only folders, with mode 0700.
 
 use std::fs::{self, DirBuilder};
-use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+pub use crate::base_folder::base_dir;
+use crate::cell_error::SOCKET_PATH_MAX;
+pub use crate::cell_error::{CellError, person};
 use crate::prefix;
 use crate::shm_space::SHM;
 use crate::state_folder::{self, StateFolder};
@@ -14,8 +16,6 @@ use crate::state_folder::{self, StateFolder};
 const NAME_LENGTH_MAX: usize = 32;
 /// Number of attempts to create a folder that another process keeps removing.
 const REMOVALS_MAX: u32 = 100;
-/// `sun_path` of a Unix socket address holds 108 bytes including the terminating zero (unix(7)).
-const SOCKET_PATH_MAX: usize = 107;
 /// Prefix of the name of a simulator's socket.
 const SIMULATOR: &str = "sim-";
 /// Suffix of a socket's name.
@@ -34,77 +34,6 @@ pub struct Cell {
     /// Folder of the evidence, or of the link to it.
     state_anchor: PathBuf,
     prefix: String,
-}
-
-/// Error while looking up or creating a cell.
-#[derive(Debug, thiserror::Error)]
-pub enum CellError {
-    /// The name does not match `[a-z0-9][a-z0-9_-]{0,31}`.
-    #[error(
-        "invalid cell name `{name}`: use 1 to 32 of a-z 0-9 _ -, beginning with a letter or digit"
-    )]
-    BadName {
-        /// The given name.
-        name: String,
-    },
-    /// The path of the socket in this folder is longer than the system allows.
-    #[error(
-        "{path} has {size} bytes, a Unix socket's path at most {SOCKET_PATH_MAX}: set RCC_RUNTIME_DIR to a shorter folder"
-    )]
-    PathTooLong {
-        /// Path of the socket.
-        path: PathBuf,
-        /// Its length, bytes.
-        size: usize,
-    },
-    /// The folder cannot be created or inspected.
-    #[error("{path}: {source}; set RCC_RUNTIME_DIR to a folder you may write to")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// Error from the system.
-        source: io::Error,
-    },
-    /// The state folder cannot be created, or is not ours.
-    #[error(
-        "{path}: {source}; event log, incidents and logs are kept there: set RCC_STATE_DIR, or `recorder: {{folder: …}}` in \
-         the cell's configuration, to a folder you may write to"
-    )]
-    State {
-        /// The folder.
-        path: PathBuf,
-        /// Error from the system.
-        source: io::Error,
-    },
-    /// The cell was removed and created again with another prefix after it was looked up.
-    #[error("cell `{cell}` was recreated meanwhile: try again")]
-    MadeAnew {
-        /// The cell.
-        cell: String,
-    },
-    /// The folder exists but belongs to another user.
-    #[error(
-        "{path} belongs to {}, you are {}: ask that user or root to remove it, use another cell name (--cell), or set RCC_RUNTIME_DIR to a folder of your own",
-        person(*owner), person(*uid)
-    )]
-    NotOurs {
-        /// The folder.
-        path: PathBuf,
-        /// User id of the owner.
-        owner: u32,
-        /// User id of this process.
-        uid: u32,
-    },
-    /// Other users may write to the folder and could replace our files.
-    #[error(
-        "{path} can be written by others (mode {mode:04o}): `chmod go-w {path}`, or set RCC_RUNTIME_DIR to a folder of your own"
-    )]
-    Writable {
-        /// The folder.
-        path: PathBuf,
-        /// Its permissions.
-        mode: u32,
-    },
 }
 
 impl Cell {
@@ -356,16 +285,6 @@ fn uid() -> u32 {
     nix::unistd::getuid().as_raw()
 }
 
-/// Describes a user for people: `user rcc (uid 998)`.
-#[must_use]
-pub fn person(uid: u32) -> String {
-    let found = nix::unistd::User::from_uid(nix::unistd::Uid::from_raw(uid));
-    match found.ok().flatten() {
-        Some(user) => format!("user {} (uid {uid})", user.name),
-        None => format!("a user without a name (uid {uid})"),
-    }
-}
-
 fn check_name(name: &str) -> Result<(), CellError> {
     if is_name(name) {
         Ok(())
@@ -409,26 +328,6 @@ fn is_name(name: &str) -> bool {
         && name.starts_with(|first: char| first.is_ascii_alphanumeric())
 }
 
-/// Returns the default base folder, in which each cell has its own; see [`Cell::new`]. It need not exist.
-#[must_use]
-pub fn base_dir() -> PathBuf {
-    let variable = |name| {
-        std::env::var_os(name)
-            .filter(|value| !value.is_empty())
-            .map(PathBuf::from)
-    };
-    let uid = nix::unistd::getuid();
-    if let Some(base) = variable("RCC_RUNTIME_DIR") {
-        base
-    } else if uid.is_root() {
-        PathBuf::from("/run/rcc")
-    } else if let Some(session) = variable("XDG_RUNTIME_DIR") {
-        session.join("rcc")
-    } else {
-        PathBuf::from(format!("/tmp/rcc-{uid}"))
-    }
-}
-
 /// Retries `act` while a folder disappears during it: a cell that ends removes its folder while the next one of the
 /// same name is created.
 fn unless_removed<T>(mut act: impl FnMut() -> Result<T, CellError>) -> Result<T, CellError> {
@@ -439,14 +338,6 @@ fn unless_removed<T>(mut act: impl FnMut() -> Result<T, CellError>) -> Result<T,
         }
     }
     act()
-}
-
-impl CellError {
-    /// Returns true for a folder that disappeared between creation and inspection.
-    pub(crate) fn is_passing(&self) -> bool {
-        use io::ErrorKind::{AlreadyExists, NotFound};
-        matches!(self, CellError::Folder { source, .. } if matches!(source.kind(), NotFound | AlreadyExists))
-    }
 }
 
 /// Creates the folder if it is missing (mode 0700), and checks that no other user can have prepared it or can write to
@@ -491,6 +382,7 @@ fn make_private_dir(path: &Path) -> Result<(), CellError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io;
 
     #[test]
     fn names_are_short_lower_case_words() {

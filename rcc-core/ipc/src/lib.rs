@@ -20,12 +20,15 @@
 //! ```
 
 pub mod announce;
+mod base_folder;
 pub mod board;
 pub mod cell;
+mod cell_error;
 pub mod clean;
 pub mod commands;
 pub mod events;
 mod failed_connections;
+mod leftovers;
 pub mod lock;
 pub mod ownership;
 mod prefix;
@@ -39,6 +42,7 @@ pub mod spill_file;
 pub mod state_folder;
 pub mod stream;
 mod wake;
+mod wipe;
 
 pub use announce::{AnnounceError, Announced};
 pub use board::{BoardError, BoardReader, BoardWriter};

@@ -91,3 +91,11 @@ fn attempt(path: &Path, kind: FlockArg) -> Result<Flock<File>, LockError> {
         }
     }
 }
+
+/// Returns true if `path` is the locked file, and not a new file in its place.
+pub(crate) fn is_locked_file(path: &Path, locked: &File) -> bool {
+    let of =
+        |found: io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
+    let named = of(std::fs::metadata(path));
+    named.is_some() && named == of(locked.metadata())
+}

@@ -11,9 +11,9 @@ use std::time::Duration;
 
 use rcc_core::fnv;
 
-use crate::cell::CellError;
-use crate::clean::below_prefix;
+use crate::cell_error::CellError;
 use crate::lock::{self, LockError};
+use crate::shm_space::below_prefix;
 
 /// Length of a prefix: `rcc_` + 10 hexadecimal digits + `_`.
 const LENGTH: usize = 15;

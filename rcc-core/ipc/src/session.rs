@@ -17,9 +17,9 @@ use rcc_os::process_instance::ProcessInstance;
 use rcc_protocol::{Announcement, Role};
 
 use crate::cell::{Cell, CellError};
-use crate::clean;
 use crate::lock::{self, LockError};
 use crate::shm_space::{self, OutOfSharedMemory, SHM};
+use crate::wipe;
 
 /// Shared memory of a node, including the management segment that the first node of a cell creates, bytes.
 const NODE_ROOM: u64 = 1 << 20;
@@ -218,7 +218,7 @@ pub(crate) fn enter(
     cell: &Cell,
 ) -> Result<(Flock<File>, Node<ipc_threadsafe::Service>), SessionError> {
     match enter_as_it_is(cell) {
-        Err(SessionError::Node { .. }) if clean::wipe(cell).is_ok() => enter_as_it_is(cell),
+        Err(SessionError::Node { .. }) if wipe::wipe(cell).is_ok() => enter_as_it_is(cell),
         result => result,
     }
 }

@@ -1,7 +1,11 @@
-//! Checks for free space in `/dev/shm` before shared memory is created: iceoryx2 does not reserve the space, and on a
-//! full file system the first access would end the process with SIGBUS. Used by the threads that create services.
+//! `/dev/shm`: its files by prefix, and its free space, which is checked before shared memory is created: iceoryx2 does not
+//! reserve the space, and on a full file system the first access would end the process with SIGBUS. Used by the threads
+//! that create services, and by those that clean up.
 
-use std::path::Path;
+use std::fs;
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
 /// Where iceoryx2 puts shared memory.
 pub(crate) const SHM: &str = "/dev/shm";
@@ -56,6 +60,41 @@ fn check(path: &Path, need: u64) -> Result<(), OutOfSharedMemory> {
         });
     }
     Ok(())
+}
+
+/// A file in `/dev/shm` that another user created under a cell's prefix.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ForeignFile {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// User id of the owner.
+    pub owner: u32,
+}
+
+/// Lists the files in `/dev/shm` that start with `prefix`, sorted by name: ours, and those of other users.
+pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<ForeignFile>)> {
+    let uid = nix::unistd::getuid().as_raw();
+    let (mut ours, mut foreign) = (Vec::new(), Vec::new());
+    for entry in fs::read_dir(SHM)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if !name.as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            continue;
+        }
+        // The owner removed it meanwhile.
+        let Ok(found) = entry.metadata() else {
+            continue;
+        };
+        let (path, owner) = (entry.path(), found.uid());
+        if owner == uid {
+            ours.push(path);
+        } else {
+            foreign.push(ForeignFile { path, owner });
+        }
+    }
+    ours.sort();
+    foreign.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok((ours, foreign))
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, symlink};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use crate::cell::{CellError, base_dir, person};
+use crate::base_folder::base_dir;
+use crate::cell_error::{CellError, person};
 
 /// State folder of services, and of root.
 const OF_SERVICES: &str = "/var/lib/rcc";

@@ -2,7 +2,6 @@
 //! data; [`Announcement::liveness`] reads `/proc`, which real-time threads must not.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::io;
 
 use rcc_os::process_instance::{Liveness, ProcessInstance};
@@ -10,47 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::build::Build;
 use crate::configuration::Configuration;
+use crate::role::Role;
 
 /// Label under which the executor of a cell announces itself.
 pub const EXECUTOR_LABEL: &str = "exec";
 /// Role and label under which the supervisor of a cell announces itself; at most one process has them.
 const SUPERVISOR: (Role, &str) = (Role::Cli, "up");
-
-/// Role of a process in its cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// Compiles nets to plans and serves the REST interface.
-    Loader,
-    /// Runs the cycle.
-    Executor,
-    /// Drives one device.
-    Driver,
-    /// Reads streams.
-    Monitor,
-    /// A command entered by a person.
-    Cli,
-}
-
-impl Role {
-    /// Returns the name used in file and service names.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Role::Loader => "loader",
-            Role::Executor => "executor",
-            Role::Driver => "driver",
-            Role::Monitor => "monitor",
-            Role::Cli => "cli",
-        }
-    }
-}
-
-impl fmt::Display for Role {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.as_str())
-    }
-}
 
 /// Identity of a process and the full names of its services.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,7 +24,7 @@ pub struct Announcement {
     /// Distinguishes processes of one role; for a driver, the name of its device.
     pub label: String,
     /// Incarnation number, unique to this run of the process (see [`ProcessInstance::incarnation`]).
-    #[serde(with = "hexadecimal")]
+    #[serde(with = "crate::hexadecimal")]
     pub incarnation: u64,
     /// Process id.
     pub pid: u32,
@@ -155,19 +119,5 @@ impl Announcement {
     #[must_use]
     pub fn liveness(&self) -> Liveness {
         self.instance().liveness()
-    }
-}
-
-/// A `u64` as hexadecimal text: JSON readers in other languages keep only 53 bits of a number.
-pub(crate) mod hexadecimal {
-    use serde::de::{Deserialize, Deserializer, Error};
-
-    pub fn serialize<S: serde::Serializer>(value: &u64, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(&format!("{value:016x}"))
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
-        let digits = String::deserialize(deserializer)?;
-        u64::from_str_radix(&digits, 16).map_err(D::Error::custom)
     }
 }

@@ -13,8 +13,6 @@ use rcc_core::message::{
 };
 use rcc_core::timing::{CycleTiming, LateCycle, PrimitiveTime};
 
-use crate::announcement::Announcement;
-
 /// Remedy for a mismatch of builds.
 pub const REMEDY: &str = "install all programs from one build, and restart the cell";
 
@@ -24,7 +22,7 @@ pub struct Build {
     /// Version of the programs.
     pub version: String,
     /// Fingerprint of the layout of everything in shared memory.
-    #[serde(with = "crate::announcement::hexadecimal")]
+    #[serde(with = "crate::hexadecimal")]
     pub layout: u64,
 }
 
@@ -35,21 +33,6 @@ impl Build {
         Build {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             layout: LAYOUT,
-        }
-    }
-
-    /// Checks that `other` uses the same shared-memory layout, before any of its services is opened.
-    ///
-    /// # Errors
-    /// Returns an error if `other` has another layout, or announces none because it is an older build.
-    pub fn require_layout(other: &Announcement) -> Result<(), BuildMismatch> {
-        match &other.build {
-            Some(build) if build.layout == LAYOUT => Ok(()),
-            theirs => Err(BuildMismatch {
-                who: other.who(),
-                theirs: describe(theirs.as_ref()),
-                own: Build::own().to_string(),
-            }),
         }
     }
 }
@@ -67,18 +50,6 @@ pub(crate) fn describe(build: Option<&Build>) -> String {
         || "an older one that does not announce it".to_owned(),
         Build::to_string,
     )
-}
-
-/// Another process uses a different shared-memory layout.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the {who} was built from another version ({theirs}) than this program ({own}); {REMEDY}")]
-pub struct BuildMismatch {
-    /// The other process: `executor`, `driver io`.
-    pub who: String,
-    /// Its build.
-    pub theirs: String,
-    /// Build of this process.
-    pub own: String,
 }
 
 /// Fingerprint of sizes and alignments. It does not detect two fields of the same size that swap places, so [`MAGIC`]

@@ -2,15 +2,17 @@
 //! by the executor's intake thread and by the loader, never by the real-time thread.
 
 use rcc_core::cycle::{ReadyRun, Schedule};
-use rcc_core::frame::PrepareFault;
 use rcc_core::plan::{
-    Delay, InputPoint, KernelRun, MonitorPoint, NullRange, Plan, PlanError, PlanRegion,
-    PublishPoint, Rate, Resource, RunBlock, ValuePoint,
+    Delay, InputPoint, KernelRun, MonitorPoint, NullRange, Plan, PlanRegion, PublishPoint, Rate,
+    RunBlock, ValuePoint,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::rehearsal::{PredictedViolation, RehearsalReport};
-use crate::rules::{ListedRule, NewRule, RuleFault};
+pub use crate::limits::{READ_ELEMENTS_MAX, READ_MAX, SET_ELEMENTS_MAX, SET_MAX, SWITCH_MAX};
+pub use crate::refusal::{InputFault, Refusal};
+
+use crate::rehearsal::RehearsalReport;
+use crate::rules::{ListedRule, NewRule};
 use crate::wire::{self, Message};
 
 /// Name of the executor's request service in its announcement.
@@ -32,19 +34,6 @@ pub const MEASUREMENT: &str = "measurement";
 pub const REQUEST_MAX: usize = 4 << 20;
 /// Maximum length of an answer, bytes.
 pub const RESPONSE_MAX: usize = 16 << 10;
-
-/// Maximum number of commands that one [`Call::Switch`] stops, and maximum that it starts.
-pub const SWITCH_MAX: usize = 8;
-
-/// Maximum number of values in one [`Call::Set`].
-pub const SET_MAX: usize = 64;
-/// Maximum number of elements in one [`Call::Set`].
-pub const SET_ELEMENTS_MAX: usize = 1024;
-
-/// Maximum number of values in one [`Call::Read`].
-pub const READ_MAX: usize = 1024;
-/// Maximum number of elements in one [`Call::Read`].
-pub const READ_ELEMENTS_MAX: usize = 1536;
 
 /// Returns the name of the executor's ring with the set-points of a device.
 #[must_use]
@@ -159,23 +148,6 @@ pub struct NetValues {
     pub state: u32,
     /// Elements of all points, one after the other, encoded as in [`InputValue`].
     pub words: Vec<u64>,
-}
-
-/// Reason why a value cannot be set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum InputFault {
-    /// The plan has no input with this index.
-    Unknown,
-    /// The input has another number of elements.
-    Elements,
-    /// An element is infinite, or is not a valid truth value.
-    NoValue,
-    /// An element is outside the input's range.
-    OutOfRange,
-    /// The request sets the input twice.
-    Twice,
-    /// The input is fed by another net.
-    Subscribed,
 }
 
 /// First bytes of an encoded call; variants in the order of [`Call`].
@@ -306,10 +278,12 @@ pub enum Call {
 
 impl Message for Call {
     const BYTES_MAX: usize = REQUEST_MAX;
+    wire::once!();
 }
 
 impl Message for Answer {
     const BYTES_MAX: usize = RESPONSE_MAX;
+    wire::once!();
 }
 
 /// The executor's answer.
@@ -370,169 +344,6 @@ pub enum RecordingState {
     Lost {
         /// The reason.
         why: String,
-    },
-}
-
-/// Reason for a refusal by the executor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Refusal {
-    /// The bytes are not a valid call: caller and executor are from different builds.
-    NotUnderstood,
-    /// All rows of the command table are in use.
-    TableFull,
-    /// No command with this id exists.
-    UnknownCommand,
-    /// The state of the command ([`rcc_core::message::CommandState`] as a number) does not allow the call.
-    WrongState {
-        /// The state.
-        state: u32,
-    },
-    /// Another command holds a resource.
-    Busy {
-        /// Id of the command that holds it.
-        holder: u64,
-        /// The resource.
-        resource: Resource,
-    },
-    /// The net has no `Cancel` primitive and can only be aborted.
-    NotCancelable,
-    /// A device that the net commands is not ready for commands.
-    DeviceNotReady {
-        /// Device index.
-        device: u32,
-        /// [`rcc_core::message::DeviceState`] as a number.
-        state: u32,
-        /// Reason number of the driver.
-        reason: u32,
-    },
-    /// The first set-point is not at the position where the device is held (`rcc_core::guard`).
-    FirstSetPoint {
-        /// Device index.
-        device: u32,
-        /// Joint, counted from 1.
-        joint: u32,
-        /// Set-point minus hold set-point, or the set-point that breaks a limit; rad.
-        value: f64,
-        /// The allowed value.
-        limit: f64,
-        /// [`rcc_core::guard::ViolationKind`] as a number.
-        violation: u32,
-    },
-    /// A hand-over stops or starts more commands than this.
-    SwitchTooLarge {
-        /// [`SWITCH_MAX`].
-        max: u32,
-    },
-    /// A hand-over names the same command twice.
-    NamedTwice,
-    /// A hand-over starts nets of several rates that are not evaluated in a common cycle within a second.
-    NeverTogether,
-    /// The first set-point does not continue the motion of the command that the hand-over stops (`rcc_core::guard`).
-    Continuation {
-        /// Device index.
-        device: u32,
-        /// Joint, counted from 1.
-        joint: u32,
-        /// The commanded value: rad, rad/s or rad/s².
-        value: f64,
-        /// The allowed value.
-        limit: f64,
-        /// [`rcc_core::guard::ViolationKind`] as a number.
-        violation: u32,
-    },
-    /// A hand-over would release an arm: the command claims it but has no set-point for it in its first cycle.
-    LetsGo {
-        /// Device index.
-        device: u32,
-    },
-    /// The first cycle of the net ended with a fault ([`rcc_core::message::FaultCode`] as a number).
-    FirstCycle {
-        /// The fault code.
-        code: u32,
-    },
-    /// The plan failed its check.
-    Plan(PlanError),
-    /// The start values could not be computed.
-    Prepare(PrepareFault),
-    /// The rehearsal shows that the net breaks a limit of an arm.
-    Foreseen(PredictedViolation),
-    /// The nets would need more of a cycle than the budget of the cell.
-    Budget {
-        /// Expected time of the net, ns.
-        needed_ns: u64,
-        /// Time of the nets that run in the same cycles, ns.
-        in_use_ns: u64,
-        /// Budget for all nets together, ns.
-        budget_ns: u64,
-    },
-    /// Another running command publishes or subscribes to the topic with another type or unit.
-    OtherTopic {
-        /// Id of the other command.
-        other: u64,
-        /// [`rcc_core::topic::Topic::key`].
-        key: u64,
-    },
-    /// A value cannot be set.
-    Input {
-        /// Index of the input in the plan.
-        input: u32,
-        /// The reason.
-        fault: InputFault,
-    },
-    /// A request reads more values or elements than this.
-    ReadTooLarge {
-        /// [`READ_MAX`].
-        values: u32,
-        /// [`READ_ELEMENTS_MAX`].
-        elements: u32,
-    },
-    /// A value to be read is outside the net.
-    NoSuchValue {
-        /// Index of the value in the request.
-        value: u32,
-    },
-    /// A request sets more values or elements than this.
-    SetTooLarge {
-        /// [`SET_MAX`].
-        values: u32,
-        /// [`SET_ELEMENTS_MAX`].
-        elements: u32,
-    },
-    /// The executor is too busy now; try again.
-    Overloaded,
-    /// The executor is stopping.
-    Stopping,
-    /// The configuration of the cell switches the flight recorder off.
-    NoRecorder,
-    /// A CANCEL or ABORT arrived before the START had taken effect: the command stays ready.
-    Withdrawn,
-    /// A rule cannot be installed, or a lease cannot be used.
-    Rule {
-        /// Index of the rule in the request; 0 for a lease.
-        index: u32,
-        /// The reason.
-        fault: RuleFault,
-    },
-    /// A rule cannot be installed because of one of its commands.
-    RuleCommand {
-        /// Index of the rule in the request.
-        index: u32,
-        /// State of the command ([`rcc_core::message::CommandState`] as a number); 0: it does not exist.
-        state: u32,
-    },
-    /// No rule with this id exists.
-    UnknownRule,
-    /// The time after which a lease expires is out of range.
-    LeaseTime {
-        /// [`crate::rules::LEASE_MIN_NS`].
-        min_ns: u64,
-        /// [`crate::rules::LEASE_MAX_NS`].
-        max_ns: u64,
-    },
-    /// All leases are in use.
-    LeasesFull {
-        /// [`crate::rules::LEASES_MAX`].
-        max: u32,
     },
 }
 

@@ -5,7 +5,7 @@ use rcc_os::clock::monotonic_ns;
 use rcc_os::process_instance::ProcessInstance;
 use serde::{Deserialize, Serialize};
 
-use crate::announcement::Role;
+use crate::role::Role;
 
 mod kinds;
 mod sentences;

@@ -4,7 +4,9 @@
 use rcc_core::topic::Topic;
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Refusal, SWITCH_MAX};
+use crate::limits::SWITCH_MAX;
+use crate::refusal::Refusal;
+pub use crate::refusal::RuleFault;
 
 /// Maximum number of rules in the executor's table, ended ones included.
 pub const RULES_MAX: usize = 128;
@@ -337,34 +339,6 @@ impl RuleStatus {
         skipped: 0,
         recorded_cycle: 0,
     };
-}
-
-/// Why rules cannot be installed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum RuleFault {
-    /// All rows of the table are in use by rules that can still fire.
-    TableFull {
-        /// [`RULES_MAX`].
-        max: u32,
-    },
-    /// The condition is not a valid postfix expression.
-    Condition,
-    /// A value in the condition is outside the net.
-    NoSuchValue,
-    /// The rule does nothing.
-    DoesNothing,
-    /// The rule names the same command twice among those that it stops, cancels and starts.
-    NamedTwice,
-    /// The condition can never hold.
-    NeverFires,
-    /// The rule starts an arm, but neither has a lease nor says that it goes on without its client.
-    NoLease,
-    /// No such lease, or it has expired.
-    LeaseUnknown,
-    /// The number of recordings or their distance is out of range.
-    Recording,
-    /// The rule records, and stops, cancels or starts commands.
-    RecordsOnly,
 }
 
 /// An installed rule with its texts, as the executor's intake thread lists it.

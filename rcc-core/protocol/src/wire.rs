@@ -2,7 +2,7 @@
 //!
 //! **Replacing the encoder.** Only this module names bincode (2.0.1, no longer maintained). Messages know only serde's
 //! traits, so another encoder with serde support (`postcard`, `wincode`) can replace it: change the bodies of
-//! `to_bytes` and `from_bytes` below and one line in each of the two `Cargo.toml`, and regenerate the corpora
+//! the functions `to_bytes` and `from_bytes` below and one line in each of the two `Cargo.toml`, and regenerate the corpora
 //! `fuzz/corpus/{requests,wire}`. No file holds such bytes, and loader and executor of one cell are from one build, so
 //! nothing has to be converted.
 //!
@@ -22,7 +22,37 @@ use serde::de::DeserializeOwned;
 pub trait Message: Serialize + DeserializeOwned {
     /// Maximum length of an encoded message, bytes.
     const BYTES_MAX: usize;
+
+    /// Encodes. `once!` compiles this and [`Message::from_bytes`] in the package of the message, not in each program.
+    ///
+    /// # Errors
+    /// Returns the encoder's error.
+    fn to_bytes(&self) -> Result<Vec<u8>, bincode::error::EncodeError> {
+        to_bytes(self)
+    }
+
+    /// Decodes from the beginning of `bytes`; returns also the number of bytes that were used.
+    ///
+    /// # Errors
+    /// Returns the decoder's error.
+    fn from_bytes(bytes: &[u8]) -> Result<(Self, usize), bincode::error::DecodeError> {
+        from_bytes(bytes)
+    }
 }
+
+/// The methods of [`Message`], written out: a decoder of a large message is 20,000 lines of the compiler's code.
+macro_rules! once {
+    () => {
+        fn to_bytes(&self) -> Result<Vec<u8>, bincode::error::EncodeError> {
+            $crate::wire::to_bytes(self)
+        }
+
+        fn from_bytes(bytes: &[u8]) -> Result<(Self, usize), bincode::error::DecodeError> {
+            $crate::wire::from_bytes(bytes)
+        }
+    };
+}
+pub(crate) use once;
 
 /// A value could not be encoded.
 #[derive(Debug, thiserror::Error)]
@@ -65,7 +95,7 @@ pub enum DecodeError {
 /// # Errors
 /// Returns an error if the type itself refuses to be encoded (none of ours does).
 pub fn encode<T: Message>(value: &T) -> Result<Vec<u8>, EncodeError> {
-    Ok(to_bytes(value)?)
+    Ok(value.to_bytes()?)
 }
 
 /// Decodes a value from exactly these bytes.
@@ -77,14 +107,14 @@ pub fn decode<T: Message>(bytes: &[u8]) -> Result<T, DecodeError> {
     if size > max {
         return Err(DecodeError::TooLong { size, max });
     }
-    match from_bytes(bytes) {
+    match T::from_bytes(bytes) {
         Ok((value, used)) if used == size => Ok(value),
         Ok((_, used)) => Err(DecodeError::TrailingBytes { used, size }),
         Err(cause) => Err(DecodeError::Malformed { size, cause }),
     }
 }
 
-fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, bincode::error::EncodeError> {
+pub(crate) fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, bincode::error::EncodeError> {
     bincode::serde::encode_to_vec(value, bincode::config::standard())
 }
 
@@ -105,7 +135,7 @@ pub fn decode_beginning<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeEr
 /// Decodes with a limit on claimed memory of 16 times the length. One encoded byte stands for at most sixteen in
 /// memory; without the limit a text of nine bytes could claim, and allocate, as much as the longest message. bincode
 /// takes the limit as a constant, hence the steps.
-fn from_bytes<T: DeserializeOwned>(
+pub(crate) fn from_bytes<T: DeserializeOwned>(
     bytes: &[u8],
 ) -> Result<(T, usize), bincode::error::DecodeError> {
     const SMALL: usize = 16 << 10;

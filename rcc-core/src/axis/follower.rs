@@ -1,8 +1,7 @@
 //! The follower of one axis: it stores its current motion as words in an arena, and requests another one when the goal
 //! or the limits change. Run by the real-time thread.
 
-use super::{AxisState, PHASES_MAX, Phases, limits_are_valid, to_velocity};
-use crate::path::MotionLimits;
+use super::{AxisState, MotionLimits, PHASES_MAX, Phases, limits_are_valid, to_velocity};
 
 /// Number of words of an axis: goal, limits of the motion, cycles since its start, current state, start state, phases.
 pub const AXIS_WORDS: usize = 1 + 3 + 1 + 3 + 3 + 2 * PHASES_MAX;

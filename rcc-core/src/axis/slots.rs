@@ -1,8 +1,7 @@
 //! Axes stored in the arena of a net: shared by primitives with goals. Run by the real-time thread.
 
-use super::{AXIS_WORDS, AxisFollower, AxisState};
+use super::{AXIS_WORDS, AxisFollower, AxisState, MotionLimits};
 use crate::frame::Frame;
-use crate::path::MotionLimits;
 use crate::primitive::{Bool, Real, Slot};
 
 /// The words of an axis.

@@ -3,7 +3,7 @@
 
 use super::{Guard, RELATIVE_TOLERANCE, Violation, ViolationKind};
 use crate::impedance::{ControlMode, ElementLimits, Impedance, ImpedanceLimits};
-use crate::message::JOINTS_MAX;
+use crate::joints::JOINTS_MAX;
 
 impl Guard {
     /// Checks the impedance of a set-point whose position has been accepted, for a device that runs `strategy` (a

@@ -14,7 +14,7 @@ use super::axes::{matrix, rz, turned_y, turned_z, z_of};
 use super::branch::{Branch, Unreachable};
 use super::srs::SrsArm;
 use super::turns::within_limits;
-use crate::guard::JointLimits;
+use crate::joints::JointLimits;
 use crate::pose::Pose;
 
 /// Two limits of six joints with two arm angles each; Shimizu counts 20, for symmetric limits.

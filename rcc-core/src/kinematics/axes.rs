@@ -5,6 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::pose::Pose;
 
+/// Maximum number of axes of an arm.
+pub const AXES_MAX: usize = 7;
+
 /// Below this sine of the angle between them two axes count as aligned, and the hint decides how they share the
 /// rotation …
 const ALIGNED_SINE: f64 = 1e-9;
@@ -16,7 +19,7 @@ const HINT_ERROR: f64 = 1e-12;
 /// stretched (or folded): rounding.
 pub(super) const STRETCH_TOLERANCE: f64 = 1e-12;
 
-/// Below this distance from a singularity (see [`super::arm::Singularity::distance`]) rounding may decide how joints share
+/// Below this distance from a singularity (see [`super::singularity::Singularity::distance`]) rounding may decide how joints share
 /// a rotation: a hint that reaches the pose by itself is then the solution …
 pub(super) const NEAR_SINGULAR: f64 = 1e-3;
 

@@ -1,6 +1,6 @@
 //! The ends of an arm's links, as they are drawn. Plain data without heap.
 
-use super::serial::AXES_MAX;
+use super::axes::AXES_MAX;
 
 /// Base, axes and flange.
 const POINTS_MAX: usize = AXES_MAX + 2;

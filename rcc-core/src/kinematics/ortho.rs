@@ -10,12 +10,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::arm::{Singularity, SingularityKind};
 use super::axes::{
     NEAR_SINGULAR, STRETCH_TOLERANCE, beside_hint, is_same_pose, length, matrix, rows, rz, sign,
     turned_y, turned_z, wrist, x_of, y_of, z_of,
 };
 use super::branch::{Branch, Unreachable};
+use super::singularity::{Singularity, SingularityKind};
 use crate::pose::Pose;
 
 /// A wrist closer to axis 1 than this (m) counts as on it, and the hint decides joint 1 …

@@ -7,15 +7,13 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3, Vector6};
 
-use super::arm::{ArmJacobian, Singularity, SingularityKind};
-use super::axes::{matrix, rows};
+use super::ArmJacobian;
+use super::axes::{AXES_MAX, matrix, rows};
 use super::branch::Unreachable;
 use super::links::LinkPoints;
-use crate::message::{JOINTS_MAX, Joints};
+use super::singularity::{Singularity, SingularityKind};
+use crate::joints::{JOINTS_MAX, Joints};
 use crate::pose::Pose;
-
-/// Maximum number of axes.
-pub const AXES_MAX: usize = 7;
 
 /// Maximum number of steps of the numeric inverse.
 pub const STEPS_MAX: u32 = 40;

@@ -12,12 +12,12 @@ use core::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::arm::{Singularity, SingularityKind};
 use super::axes::{
     NEAR_SINGULAR, SAME_ARM_ANGLE, STRETCH_TOLERANCE, azimuth_polar, is_same_pose, length, matrix,
     rows, rz, sign, turned_y, turned_z, wrist, y_of, z_of,
 };
 use super::branch::{Branch, Unreachable};
+use super::singularity::{Singularity, SingularityKind};
 use crate::pose::Pose;
 
 /// Lengths and joint directions of an S-R-S arm. Base: z along the first axis, on the mounting face; flange: z along

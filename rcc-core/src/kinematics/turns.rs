@@ -4,8 +4,7 @@
 use core::f64::consts::{PI, TAU};
 use core::fmt;
 
-use crate::guard::JointLimits;
-use crate::message::Joints;
+use crate::joints::{JointLimits, Joints};
 
 /// Maximum number of turns of a joint in either direction.
 const TURNS_MAX: f64 = 8.0;

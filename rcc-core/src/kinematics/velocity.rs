@@ -6,7 +6,7 @@
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use super::arm::Arm;
-use crate::message::{JOINTS_MAX, Joints};
+use crate::joints::{JOINTS_MAX, Joints};
 
 impl Arm {
     /// Returns the smallest joint velocities (rad/s) that move the flange with a twist `[vx vy vz wx wy wz]` (m/s,

@@ -1,5 +1,5 @@
-//! Reasons why a path cannot be built or travelled: places on it, joints, values and limits, which messages are made
-//! from elsewhere. Plain data; created off the real-time thread.
+//! Reasons why a net cannot be prepared for its arms, and why a path cannot be built or travelled: places on it, joints,
+//! values and limits, which messages are made from elsewhere. Plain data; created off the real-time thread.
 
 use serde::{Deserialize, Serialize};
 
@@ -152,4 +152,28 @@ impl MotionFault {
         }
         self
     }
+}
+
+/// Reason why the start values of a command could not be computed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum PrepareFault {
+    /// The position of the device is not known: its driver is not running or not connected.
+    HoldUnknown {
+        /// Device index.
+        device: u32,
+    },
+    /// The device has no kinematics.
+    NoArm {
+        /// Device index.
+        device: u32,
+    },
+    /// A motion cannot be built as requested.
+    Motion {
+        /// Index of the motion in its net.
+        motion: u32,
+        /// The leg, from 0.
+        leg: u32,
+        /// Reason.
+        fault: MotionFault,
+    },
 }

@@ -1,46 +1,12 @@
 //! A path as requested by a net: a sequence of legs. Plain data that primitives pass on when their net is prepared; not
 //! used in the cycle.
 
-use serde::{Deserialize, Serialize};
-
-use crate::message::Joints;
+use crate::axis::MotionLimits;
+use crate::joints::Joints;
 use crate::pose::Pose;
 
 /// Maximum number of legs of a path; each point of a spline counts as one.
 pub const LEGS_MAX: usize = 128;
-
-/// Limits of velocity, acceleration and jerk along a path or axis, in its unit per s, s² and s³ (each > 0; infinite:
-/// limited only by the joints).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct MotionLimits {
-    /// Per second. A finite value for a leg is guaranteed: the leg is travelled at this velocity, or refused.
-    pub velocity: f64,
-    /// Per second squared.
-    pub acceleration: f64,
-    /// Per second cubed.
-    pub jerk: f64,
-}
-
-impl MotionLimits {
-    /// No limits.
-    pub const NONE: MotionLimits = MotionLimits {
-        velocity: f64::INFINITY,
-        acceleration: f64::INFINITY,
-        jerk: f64::INFINITY,
-    };
-
-    /// Creates limits from velocity, acceleration and jerk; null (NaN) means unlimited.
-    #[must_use]
-    pub fn of(values: [f64; 3]) -> MotionLimits {
-        let [velocity, acceleration, jerk] =
-            values.map(|value| if value.is_nan() { f64::INFINITY } else { value });
-        MotionLimits {
-            velocity,
-            acceleration,
-            jerk,
-        }
-    }
-}
 
 /// The orientation on an arc.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,7 +1,8 @@
 //! The parameter `start`: whether what a primitive begins from is where the arm was held when the command was prepared, or
 //! what the net in which it runs takes over in its first cycle. Run by the real-time thread.
 
-use crate::frame::{ArmMotion, Frame};
+use crate::frame::Frame;
+use crate::joints::ArmMotion;
 use crate::primitive::{DefaultValue, Device, Int, Parameter, ParameterKind, Slot};
 
 /// Where the primitive begins.

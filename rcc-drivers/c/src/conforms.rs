@@ -13,9 +13,10 @@ use rcc_driver_kit::rcc_config::{DeviceConfig, OnRelease};
 use rcc_driver_kit::rcc_core::primitive::ChannelKind::{AnalogInput, DigitalInput, DigitalOutput};
 use rcc_driver_kit::serde_json::json;
 
-use crate::c_driver::{CDriver, DriverTable, FAILED, INVALID};
+use crate::c_driver::{CDriver, DriverTable};
 use crate::ffi::tests::{load, numbers, sizes};
 use crate::ffi::{Description, TableError};
+use crate::reasons::{FAILED, INVALID};
 
 mod line_arm;
 mod line_box;

@@ -1,28 +1,22 @@
-//! The boundary to C: the structures of `include/rcc_driver.h`, the table of a driver, and calls of its functions.
-//! Run by the main thread (`rcc_driver_main`, `open`) and by the host's thread (all other functions).
+//! The boundary to C: the structures of `include/rcc_driver.h`, the table of a driver, calls of its functions, and the
+//! program that C starts. Run by the main thread (`rcc_driver_main`, `open`) and by the host's thread (all other functions).
 //!
 //! What C must keep is in the header: tables and texts live as long as the program, and a function writes only where the
 //! header says so. Everything else is checked here or in [`crate::check`].
-#![allow(unsafe_code)] // Only in this file and in `ffi/table.rs`.
+#![allow(unsafe_code)] // Only in this file, in `ffi/program.rs` and in `ffi/table.rs`.
 
-use std::ffi::{CString, c_int, c_void};
-use std::sync::OnceLock;
+use std::ffi::{CString, c_void};
 
-use rcc_driver_kit::driver::DriverEntry;
-
-use crate::c_driver::{CDriver, DriverTable};
-
+mod program;
 mod raw;
 mod table;
 
+pub use program::rcc_driver_main;
 pub(crate) use raw::{OK, REFUSED, RawError, RawExchange, RawInputs, RawOutputs, SILENT};
-use raw::{RawChannel, RawDevice, RawDriver, RawValue};
+use raw::{RawChannel, RawDevice, RawValue};
 use table::Functions;
 pub(crate) use table::SettingRow;
 pub use table::{Description, TableError};
-
-/// Exit code of a program whose table cannot be used, as for a wrong configuration: starting it again does not help.
-const UNUSABLE: c_int = 78;
 
 /// What `open` is told, owned by Rust.
 #[derive(Debug)]
@@ -152,47 +146,9 @@ impl Drop for OpenDriver {
     }
 }
 
-/// The table that `rcc_driver_main` was called with.
-static MAIN: OnceLock<Description> = OnceLock::new();
-
-/// The driver of [`MAIN`].
-#[derive(Debug)]
-enum MainTable {}
-
-impl DriverTable for MainTable {
-    fn description() -> Option<&'static Description> {
-        MAIN.get()
-    }
-}
-
-/// `rcc_driver_main`: the whole program of a driver.
-///
-/// # Safety
-/// `driver` is NULL, or points to an `rcc_driver` that, with all that it points to, is constant and lives as long as the
-/// program.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn rcc_driver_main(driver: *const RawDriver) -> c_int {
-    // SAFETY: as the caller promises.
-    let table = match unsafe { Description::read(driver) } {
-        Ok(table) => MAIN.get_or_init(|| table),
-        Err(error) => {
-            eprintln!("{error}");
-            return UNUSABLE;
-        }
-    };
-    // As Rust's own programs begin: a peer that closes its end is an error of that write, not the end of the process.
-    // SAFETY: no handler is installed, and no other thread runs yet.
-    unsafe { libc::signal(libc::SIGPIPE, libc::SIG_IGN) };
-    let entry = DriverEntry::new::<CDriver<MainTable>>(table.name, table.reasons);
-    let ended = rcc_driver_kit::program::main(table.name, &[entry]);
-    // The number of an ExitCode cannot be read, but compared.
-    let number = (0..=u8::MAX).find(|number| std::process::ExitCode::from(*number) == ended);
-    c_int::from(number.unwrap_or(1))
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::raw::{RawReason, RawSetting};
+    use super::raw::{RawDriver, RawReason, RawSetting};
     use super::*;
     use std::os::unix::ffi::OsStrExt;
     use std::path::Path;

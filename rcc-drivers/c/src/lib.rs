@@ -6,6 +6,7 @@ mod c_driver;
 mod channel_argument;
 mod check;
 pub mod ffi;
+mod reasons;
 mod setting_value;
 
 #[cfg(test)]

@@ -24,6 +24,7 @@ pub mod points;
 pub mod power_state;
 pub mod reasons;
 pub mod settings;
+pub mod terminal_settings;
 
 pub use reasons::REASONS;
 
@@ -32,7 +33,8 @@ use axes::Axes;
 use counters::LineCounters;
 use line::{LineState, LineThread};
 use points::Points;
-use settings::{EthercatSettings, TerminalSettings};
+use settings::EthercatSettings;
+use terminal_settings::TerminalSettings;
 
 /// Name of the driver in a cell's configuration.
 pub const NAME: &str = "ethercat";

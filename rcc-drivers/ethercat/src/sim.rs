@@ -12,6 +12,7 @@ pub mod fmmu;
 pub mod frame;
 pub mod line;
 pub mod mailbox;
+pub mod model_objects;
 pub mod objects;
 pub mod options;
 pub mod program;

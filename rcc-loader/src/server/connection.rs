@@ -29,11 +29,11 @@ use tokio::time::timeout;
 
 use exchange::Answered;
 pub use exchange::STALL_MAX;
-pub(super) use quotas::RequestClass;
 pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, STREAMS, TCP, UNAUTHENTICATED, UNIX};
 use quotas::{HeadPermit, Quotas, RequestPermit};
 
 use super::peer::ClientPeer;
+use super::request_class::RequestClass;
 use super::request_head::{self, RequestHead};
 use super::stop_steps::ArrivalTime;
 

@@ -7,7 +7,7 @@ use rcc_api::error::ApiError;
 use rcc_api::routes::{is_stop, is_stream};
 use tokio::io::{AsyncRead, AsyncReadExt};
 
-use super::connection::RequestClass;
+use super::request_class::RequestClass;
 
 /// Maximum size of a request head, bytes.
 pub const HEAD_MAX: usize = 16 << 10;

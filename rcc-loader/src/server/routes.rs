@@ -7,25 +7,19 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Extension, Path, State};
+use axum::http::header;
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
-use rcc_api::bodies::{
-    Acknowledged, CommandDetail, CommandRef, CommandView, DeviceView, Done, ErrorBody, Finding,
-    InputsSet, PrimitiveView, Start, StatusView, Switch, Switched, TextLocation, TimingView,
-    TopicView, ValuesView,
-};
-use rcc_api::error::ApiError;
-use rcc_api::streams::{
-    ChannelError, ChannelOpened, ChannelSet, StreamEnd, StreamLoss, StreamMonitored, StreamPorts,
-    StreamState,
-};
-use rcc_api::{catalogue, codes};
+// Bodies that only the OpenAPI document names.
+#[cfg(test)]
+use rcc_api::bodies::*;
+use rcc_api::bodies::{CommandRef, Start, Switch};
+use rcc_api::catalogue;
 use rcc_process::Helpers;
 use serde::Deserialize;
 use tokio::sync::Semaphore;
-use utoipa::OpenApi;
 
 use super::bodies::{ANSWERS, TEXTS};
 use super::caller::Caller;
@@ -42,6 +36,7 @@ use requests::{answering, constant, json, limited, reading, text_of, written};
 pub use set_points::{CHANNEL_IDLE_MAX, CHANNELS};
 pub use stream::{FAST_STREAMS, STREAMS};
 
+#[cfg(test)]
 mod document;
 mod interface;
 mod load;
@@ -85,63 +80,8 @@ struct ServerState {
     fast_streams: Arc<Quota>,
 }
 
-#[derive(OpenApi)]
-#[openapi(
-    info(
-        title = "RCC",
-        description = "Robot Control Core: load a net as a command, start it, cancel it, look at it."
-    ),
-    paths(
-        load::load,
-        list,
-        detail,
-        start,
-        switch,
-        set,
-        set_points::set_points,
-        values,
-        cancel,
-        abort,
-        unload,
-        devices,
-        primitives,
-        schema,
-        status,
-        timing,
-        topics,
-        acknowledge,
-        openapi,
-        stream::stream
-    ),
-    components(schemas(
-        ErrorBody,
-        Finding,
-        TextLocation,
-        ChannelOpened,
-        ChannelSet,
-        ChannelError,
-        StreamPorts,
-        StreamState,
-        StreamMonitored,
-        StreamLoss,
-        StreamEnd
-    ))
-)]
-struct ApiDocument;
-
-/// Returns the OpenAPI document of this interface.
-///
-/// # Errors
-/// Returns an error if it cannot be serialized; a test shows that it can.
-pub fn document() -> Result<String, serde_json::Error> {
-    serde_json::to_string_pretty(&described()?)
-}
-
-/// Returns the OpenAPI document as a value.
-fn described() -> Result<serde_json::Value, serde_json::Error> {
-    let document = ApiDocument::openapi().merge_from(records::RecordsDocument::openapi());
-    document::complete(document.merge_from(rules::RulesDocument::openapi()))
-}
+/// The OpenAPI document of this interface. A test compares it with the handlers and the bodies.
+pub const OPEN_API: &str = include_str!("routes/openapi.json");
 
 /// Creates the router with all routes, and starts the threads of CANCEL and ABORT.
 ///
@@ -198,8 +138,8 @@ fn routes(state: ServerState) -> Router {
 }
 
 /// Lists all commands, sorted by id.
-#[utoipa::path(get, path = "/commands", operation_id = "listCommands", tag = "commands",
-    responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/commands", operation_id = "listCommands", tag = "commands",
+    responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody))))]
 async fn list(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::list).await
 }
@@ -215,12 +155,12 @@ struct DetailQuery {
 }
 
 /// STATE: one command, by id or by the net's name (then the newest of that name).
-#[utoipa::path(get, path = "/commands/{name}", operation_id = "getCommand", tag = "commands",
+#[cfg_attr(test, utoipa::path(get, path = "/commands/{name}", operation_id = "getCommand", tag = "commands",
     params(("name" = String, Path, description = "id or name"),
         ("brief" = Option<bool>, Query, description = "without `text` and `names`, which are long"),
         ("unloaded" = Option<bool>, Query,
             description = "also one of the last 256 that had ended when they were unloaded, by its id; implies `brief`")),
-    responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody)))]
+    responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody))))]
 async fn detail(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -258,10 +198,10 @@ async fn stop(
 /// START: the net is evaluated from the next cycle on. With `after_stopping`, those commands end between the same two
 /// cycles, and an arm that they command continues with the first set-point of this net; if that is impossible, nothing
 /// changes.
-#[utoipa::path(post, path = "/commands/{name}/start", operation_id = "startCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
+#[cfg_attr(test, utoipa::path(post, path = "/commands/{name}/start", operation_id = "startCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
     request_body(content = Option<Start>, description = "optional"),
     responses((status = 200, body = Done), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
-        (status = 409, body = ErrorBody)))]
+        (status = 409, body = ErrorBody))))]
 async fn start(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -289,9 +229,9 @@ async fn start(
 
 /// Hand-over: some commands end and others start between the same two cycles, or nothing changes. An arm continues
 /// without a gap: the first set-point must continue from the last one.
-#[utoipa::path(post, path = "/switch", operation_id = "switchCommands", tag = "commands", request_body(content = Switch),
+#[cfg_attr(test, utoipa::path(post, path = "/switch", operation_id = "switchCommands", tag = "commands", request_body(content = Switch),
     responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
-        (status = 409, body = ErrorBody)))]
+        (status = 409, body = ErrorBody))))]
 async fn switch(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
@@ -302,11 +242,11 @@ async fn switch(
 
 /// Sets inputs of a ready or active net: a mapping from their names to constants of the language, YAML or JSON; null
 /// unsets an input. All of them take effect in the same cycle, or none.
-#[utoipa::path(put, path = "/commands/{name}/inputs", operation_id = "setInputs", tag = "values", params(("name" = String, Path, description = "id or name")),
+#[cfg_attr(test, utoipa::path(put, path = "/commands/{name}/inputs", operation_id = "setInputs", tag = "values", params(("name" = String, Path, description = "id or name")),
     request_body(content = Object, content_type = "application/json",
         description = "`{\"speed\": \"0.2 m/s\", \"goal\": {\"xyz\": [0.5, 0, 0.3], \"rpy\": [0, 0, 0]}}`"),
     responses((status = 200, body = InputsSet), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody),
-        (status = 422, body = ErrorBody)))]
+        (status = 422, body = ErrorBody))))]
 async fn set(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -335,11 +275,11 @@ impl ValuesQuery {
 }
 
 /// Reads values of ports of a net, all from its last evaluation.
-#[utoipa::path(get, path = "/commands/{name}/values", operation_id = "readValues", tag = "values",
+#[cfg_attr(test, utoipa::path(get, path = "/commands/{name}/values", operation_id = "readValues", tag = "values",
     params(("name" = String, Path, description = "id or name"),
         ("ports" = Option<String>, Query,
             description = "patterns such as `move.pose,ik.*,a.out[2]`; without, all outputs")),
-    responses((status = 200, body = ValuesView), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+    responses((status = 200, body = ValuesView), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody))))]
 async fn values(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -353,8 +293,8 @@ async fn values(
 }
 
 /// CANCEL: the net's `Cancel` primitive outputs true from the next cycle on.
-#[utoipa::path(post, path = "/commands/{name}/cancel", operation_id = "cancelCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
-    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(post, path = "/commands/{name}/cancel", operation_id = "cancelCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody))))]
 async fn cancel(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -364,8 +304,8 @@ async fn cancel(
 }
 
 /// ABORT: the devices get no more commands, and their drivers bring them to rest.
-#[utoipa::path(post, path = "/commands/{name}/abort", operation_id = "abortCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
-    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(post, path = "/commands/{name}/abort", operation_id = "abortCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody))))]
 async fn abort(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -375,8 +315,8 @@ async fn abort(
 }
 
 /// UNLOAD: removes a command that is not active.
-#[utoipa::path(delete, path = "/commands/{name}", operation_id = "unloadCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
-    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(delete, path = "/commands/{name}", operation_id = "unloadCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody))))]
 async fn unload(
     State(state): State<ServerState>,
     Path(name): Path<String>,
@@ -389,35 +329,35 @@ async fn unload(
 }
 
 /// Lists the devices, in the order of the cell's configuration.
-#[utoipa::path(get, path = "/devices", operation_id = "listDevices", tag = "cell",
-    responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/devices", operation_id = "listDevices", tag = "cell",
+    responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody))))]
 async fn devices(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::devices).await
 }
 
 /// Lists every primitive with its ports and parameters.
-#[utoipa::path(get, path = "/primitives", operation_id = "listPrimitives", tag = "language", responses((status = 200, body = Vec<PrimitiveView>)))]
+#[cfg_attr(test, utoipa::path(get, path = "/primitives", operation_id = "listPrimitives", tag = "language", responses((status = 200, body = Vec<PrimitiveView>))))]
 async fn primitives(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| written(&catalogue::primitives())).await
 }
 
 /// Returns the JSON Schema of nets, with the names of this cell's devices and channels.
-#[utoipa::path(get, path = "/schema", operation_id = "getNetSchema", tag = "language", responses((status = 200, body = serde_json::Value)))]
+#[cfg_attr(test, utoipa::path(get, path = "/schema", operation_id = "getNetSchema", tag = "language", responses((status = 200, body = serde_json::Value))))]
 async fn schema(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, |service| Ok(service.schema())).await
 }
 
 /// Returns the executor's health and the processes of the cell.
-#[utoipa::path(get, path = "/status", operation_id = "getStatus", tag = "cell",
-    responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/status", operation_id = "getStatus", tag = "cell",
+    responses((status = 200, body = StatusView), (status = 503, body = ErrorBody))))]
 async fn status(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::status).await
 }
 
 /// Acknowledges late cycles: latched cycles, worst values and histograms are reset.
-#[utoipa::path(post, path = "/status/acknowledge", operation_id = "acknowledgeLateCycles", tag = "cell",
-    responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(post, path = "/status/acknowledge", operation_id = "acknowledgeLateCycles", tag = "cell",
+    responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody))))]
 async fn acknowledge(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
@@ -426,35 +366,24 @@ async fn acknowledge(
 }
 
 /// Lists the topics: who publishes each value, and who subscribes to it.
-#[utoipa::path(get, path = "/topics", operation_id = "listTopics", tag = "values",
-    responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/topics", operation_id = "listTopics", tag = "values",
+    responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody))))]
 async fn topics(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::topics).await
 }
 
 /// Returns histograms of the cycle and the measured cost of primitives.
-#[utoipa::path(get, path = "/timing", operation_id = "getTiming", tag = "cell",
-    responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/timing", operation_id = "getTiming", tag = "cell",
+    responses((status = 200, body = TimingView), (status = 503, body = ErrorBody))))]
 async fn timing(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::timing).await
 }
 
 /// Returns this document.
-#[utoipa::path(get, path = "/openapi.json", operation_id = "getOpenApi", tag = "language",
-    responses((status = 200, body = serde_json::Value)))]
-async fn openapi(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
-    static WRITTEN: OnceLock<Bytes> = OnceLock::new();
-    constant(state, &WRITTEN, |_| {
-        let text = document();
-        text.map(String::into_bytes).map_err(|error| {
-            ApiError::new(
-                codes::PROCESS_FAILED,
-                error.to_string(),
-                "report it as a bug",
-            )
-        })
-    })
-    .await
+#[cfg_attr(test, utoipa::path(get, path = "/openapi.json", operation_id = "getOpenApi", tag = "language",
+    responses((status = 200, body = serde_json::Value))))]
+async fn openapi() -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], OPEN_API).into_response()
 }
 
 #[cfg(test)]
@@ -463,7 +392,7 @@ mod tests {
 
     #[test]
     fn the_document_has_every_address() -> Result<(), serde_json::Error> {
-        let document: serde_json::Value = serde_json::from_str(&document()?)?;
+        let document: serde_json::Value = serde_json::from_str(OPEN_API)?;
         let paths = document["paths"].as_object().map(|paths| {
             let mut names: Vec<_> = paths.keys().cloned().collect();
             names.sort();

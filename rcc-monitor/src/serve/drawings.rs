@@ -16,7 +16,7 @@ use rcc_language::devices::DeviceTable;
 use rcc_language::library::NoLibraries;
 use rcc_language::structure::NetStructure;
 
-use super::hub::locked;
+use super::locked::locked;
 
 /// Number of nets that are kept.
 const KEPT_MAX: usize = 64;

@@ -6,11 +6,12 @@
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use tokio::sync::{Notify, broadcast, watch};
 
 use super::arms::Arms;
+use super::locked::locked;
 use super::values::{Collector, Column};
 
 /// Number of updates that a viewer may be behind; at 25 batches a second, about four seconds.
@@ -106,11 +107,6 @@ impl Drop for Viewer {
         locked(&self.hub.viewers).remove(&self.id);
         self.hub.touch();
     }
-}
-
-/// Locks data that no panic can leave half-written.
-pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Hub {

@@ -17,7 +17,7 @@ use serde_json::Value;
 use self::text::TextFormat;
 use super::Server;
 use super::devices::diagnosis;
-use super::hub::locked;
+use super::locked::locked;
 
 mod families;
 mod text;

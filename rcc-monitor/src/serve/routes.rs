@@ -5,15 +5,14 @@ use std::sync::Arc;
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use axum::middleware;
-use axum::response::{IntoResponse, Response};
+use axum::response::IntoResponse;
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use hyper::Method;
 use rcc_api::bodies::ErrorBody;
-use rcc_api::codes::{self, ErrorCode};
-use rcc_api::error::ApiError;
+use rcc_api::codes;
 use rcc_protocol::pattern::Pattern;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -21,6 +20,7 @@ use tokio::sync::Semaphore;
 
 use super::Server;
 use super::access::{Access, guard};
+use super::answers::{Answered, Refused, passed};
 use super::hub::{PORTS_MAX, RATE_MAX, VIEWERS_MAX, Watch};
 use super::{assets, drawings, incidents, metrics, triggers, viewer};
 
@@ -31,32 +31,6 @@ const STOPS_MAX: usize = 5;
 /// Highest rate of monitored ports, Hz: no executor is faster.
 const MONITOR_RATE_MAX: f64 = 10_000.0;
 
-/// The answer to a refused request.
-pub struct Refused(ErrorBody);
-
-impl Refused {
-    /// Creates the answer of an error.
-    pub fn new(code: ErrorCode, message: impl Into<String>, help: &str) -> Refused {
-        Refused(ApiError::new(code, message, help).body())
-    }
-}
-
-impl From<ErrorBody> for Refused {
-    fn from(body: ErrorBody) -> Refused {
-        Refused(body)
-    }
-}
-
-impl IntoResponse for Refused {
-    fn into_response(self) -> Response {
-        let known = codes::TABLE.iter().find(|row| row.code == self.0.code);
-        let status = known.and_then(|row| StatusCode::from_u16(row.status).ok());
-        (status.unwrap_or(StatusCode::BAD_GATEWAY), Json(self.0)).into_response()
-    }
-}
-
-/// The answer to a request.
-pub type Answered = Result<Response, Refused>;
 type Shared = State<Arc<Server>>;
 
 /// Creates the router.
@@ -87,19 +61,6 @@ pub fn router(server: Arc<Server>, access: Arc<Access>) -> Router {
 
 async fn no_route() -> Refused {
     Refused::new(codes::NO_ROUTE, "the address does not exist", "open `/`")
-}
-
-/// Passes the loader's answer on, with its status.
-pub async fn passed(server: &Server, method: Method, path: &str, body: String) -> Answered {
-    let answer = server.loader.request(method, path, body).await?;
-    let status = StatusCode::from_u16(answer.status).unwrap_or(StatusCode::BAD_GATEWAY);
-    server.hub.poll.notify_one();
-    Ok((
-        status,
-        [(header::CONTENT_TYPE, "application/json")],
-        answer.body,
-    )
-        .into_response())
 }
 
 /// Runs blocking work.

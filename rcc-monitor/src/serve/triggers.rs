@@ -13,7 +13,7 @@ use rcc_api::codes;
 use serde::Deserialize;
 
 use super::Server;
-use super::routes::{Answered, Refused, passed};
+use super::answers::{Answered, Refused, passed};
 
 /// A condition to be armed.
 #[derive(Deserialize)]

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use rcc_protocol::pattern::Pattern;
 use serde_json::{Value, json};
 
-use super::hub::locked;
+use super::locked::locked;
 
 /// Maximum number of rows of all columns that wait for the next batch; further ones are counted as lost.
 const ROWS_MAX: usize = 50_000;

@@ -8,16 +8,15 @@ use nix::sys::signal::Signal;
 use rcc_os::clock::monotonic_ns;
 
 use super::field::{Field, count, held};
-use super::restart;
 use crate::nets;
 
 /// Starts the loader; under load, kills and restarts it every 10 s to 30 s.
 pub fn loader(field: &Field<'_>) {
-    restart::start_loader(field, &mut held(&field.loader));
+    field.start_loader(&mut held(&field.loader));
     let mut random = field.random(3);
     let mut until_next = 20_000;
     field.journal.rounds("loader", |_| {
-        restart::loader(field, &mut held(&field.loader));
+        field.restart_loader(&mut held(&field.loader));
         field.journal.pause(Duration::from_millis(200));
         until_next -= 200_i64;
         if until_next > 0 || !field.options.load {
@@ -32,7 +31,7 @@ pub fn loader(field: &Field<'_>) {
             Signal::SIGTERM
         });
         std::thread::sleep(random.time_below(Duration::from_millis(100)));
-        restart::start_loader(field, &mut loader);
+        field.start_loader(&mut loader);
         count(&field.counts.loaders);
         field.clean();
     });

@@ -11,7 +11,7 @@ use rcc_ipc::clean;
 use rcc_os::process_instance::ProcessInstance;
 use serde_json::Value;
 
-use super::{Options, PRIORITY, restart};
+use super::{Options, PRIORITY};
 use crate::cell_fixture::{CellFixture, ExecutorBoards};
 use crate::journal::{Journal, Random};
 use crate::process::Process;
@@ -171,7 +171,7 @@ impl<'a> Field<'a> {
             if reply.is_none()
                 && let Ok(mut loader) = self.loader.try_lock()
             {
-                restart::loader(self, &mut loader);
+                self.restart_loader(&mut loader);
             }
             let reply = reply.ok_or("no answer")?;
             let later = reply.status >= 500 || reply.status == 429;
@@ -181,6 +181,22 @@ impl<'a> Field<'a> {
             }
             Ok(reply)
         })
+    }
+
+    /// Starts the loader and waits until it answers.
+    pub fn start_loader(&self, loader: &mut Process) {
+        loader.start(self.place);
+        await_some("the loader to answer", || {
+            self.place.try_rest("GET", "/status", "")
+        });
+    }
+
+    /// Starts the loader if it was killed.
+    pub fn restart_loader(&self, loader: &mut Process) {
+        if loader.ended().is_some() {
+            self.start_loader(loader);
+            self.clean();
+        }
     }
 
     /// One request; `None` if nobody answers.

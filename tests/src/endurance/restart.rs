@@ -1,26 +1,9 @@
-//! Restarts the loader and the drivers after they were killed. The thread that owns a process does so at the beginning
+//! Restarts the drivers, and all processes, after they were killed. The thread that owns a process does so at the beginning
 //! of a round, and others do it for that thread while it waits for the end of all rounds.
 
 use super::field::{ARM, Field, IO, held};
-use crate::await_some;
 use crate::cell_fixture::ExecutorBoards;
 use crate::process::Process;
-
-/// Starts the loader and waits until it answers.
-pub fn start_loader(field: &Field<'_>, loader: &mut Process) {
-    loader.start(field.place);
-    await_some("the loader to answer", || {
-        field.place.try_rest("GET", "/status", "")
-    });
-}
-
-/// Starts the loader if it was killed.
-pub fn loader(field: &Field<'_>, loader: &mut Process) {
-    if loader.ended().is_some() {
-        start_loader(field, loader);
-        field.clean();
-    }
-}
 
 /// Starts the driver of a device if it was killed.
 pub fn driver(field: &Field<'_>, driver: &mut Process, watch: &ExecutorBoards, device: usize) {
@@ -34,7 +17,7 @@ pub fn driver(field: &Field<'_>, driver: &mut Process, watch: &ExecutorBoards, d
 /// Starts every process that was killed together with another one.
 pub fn all(field: &Field<'_>) {
     let watch = field.place.watch();
-    loader(field, &mut held(&field.loader));
+    field.restart_loader(&mut held(&field.loader));
     driver(field, &mut held(&field.io_driver), &watch, IO);
     driver(field, &mut held(&field.arm_driver), &watch, ARM);
 }

@@ -1,10 +1,12 @@
 //! Bodies about what a cell has recorded: events of its log, monitored values, and incidents of the flight recorder.
 
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "openapi")]
 use utoipa::ToSchema;
 
 /// Events of the cell's log, in the order of the log.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct EventPage {
     /// The events.
     pub events: Vec<EventView>,
@@ -16,7 +18,8 @@ pub struct EventPage {
 }
 
 /// An event of the cell's log.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct EventView {
     /// Wall time, UTC: `2026-11-21T16:02:03.123456Z`.
     pub time: String,
@@ -31,7 +34,7 @@ pub struct EventView {
     /// Its kind, a row of the table in `docs/events.md`.
     pub kind: String,
     /// The fields of this kind.
-    #[schema(value_type = Object)]
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub fields: serde_json::Value,
     /// The event in one sentence, for people.
     #[serde(default)]
@@ -45,7 +48,8 @@ pub struct EventView {
 }
 
 /// The process that wrote an event.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct EventSourceView {
     /// `executor`, `loader`, `driver`, …
     pub role: String,
@@ -58,7 +62,8 @@ pub struct EventSourceView {
 }
 
 /// Monitored values, in the order in which the executor published them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct HistoryPage {
     /// The values.
     pub values: Vec<MonitoredValue>,
@@ -72,7 +77,8 @@ pub struct HistoryPage {
 }
 
 /// A value that a `Monitor` published.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct MonitoredValue {
     /// `net/primitive.port`, or one element of it.
     pub name: String,
@@ -96,12 +102,13 @@ pub struct MonitoredValue {
     /// CLOCK_MONOTONIC of that cycle on the cell's machine, ns.
     pub stamp_ns: u64,
     /// The value, or the list of its elements; null is null.
-    #[schema(value_type = Object)]
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub value: serde_json::Value,
 }
 
 /// An incident file of the flight recorder.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(default)]
 pub struct IncidentView {
     /// Path on the cell's machine; its last part is the name for `GET /incidents/{file}`.

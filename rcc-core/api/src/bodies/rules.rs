@@ -1,12 +1,14 @@
 //! Bodies of requests and answers about rules and leases. Plain data.
 
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "openapi")]
 use utoipa::ToSchema;
 
 use super::CommandRef;
 
 /// Commands: one, or a list of at most 8.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(untagged)]
 pub enum CommandList {
     /// One command.
@@ -37,7 +39,8 @@ impl CommandList {
 }
 
 /// Effect of the loss of a client on its rules and commands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub enum OnClientLoss {
     /// The rule is disarmed; the command, or what the rule started, is cancelled.
     #[default]
@@ -49,7 +52,8 @@ pub enum OnClientLoss {
 }
 
 /// When a rule that records writes an incident.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RecordBody {
     /// Number of recordings after which the rule has fired, 1 to 1000.
@@ -83,7 +87,8 @@ fn ten_seconds() -> u64 {
 }
 
 /// What a rule has recorded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct RecordedView {
     /// Recordings so far.
     pub recordings: u32,
@@ -96,7 +101,8 @@ pub struct RecordedView {
 
 /// A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing
 /// changes. A rule that records does nothing else.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RuleBody {
     /// Name for people; without it, the condition.
@@ -125,7 +131,8 @@ pub struct RuleBody {
 }
 
 /// Rules to be installed: all of them between the same two cycles, or none.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RulesBody {
     /// At most 16 rules.
@@ -136,7 +143,8 @@ pub struct RulesBody {
 }
 
 /// A rule that was installed.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct RuleNumber {
     /// Its number.
     pub rule: u64,
@@ -145,7 +153,8 @@ pub struct RuleNumber {
 }
 
 /// Answer to an installation.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct RulesInstalled {
     /// Executor cycle from which on the conditions are judged.
     pub cycle: u64,
@@ -154,7 +163,8 @@ pub struct RulesInstalled {
 }
 
 /// A rule and its state.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct RuleView {
     /// Its number.
     pub rule: u64,
@@ -192,7 +202,8 @@ pub struct RuleView {
 }
 
 /// Request for a lease.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LeaseBody {
     /// Time after which it expires unless it is renewed, ms; 50 to 3 600 000.
@@ -200,7 +211,8 @@ pub struct LeaseBody {
 }
 
 /// A granted lease.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct LeaseGranted {
     /// Its number.
     pub lease: u64,
@@ -209,7 +221,8 @@ pub struct LeaseGranted {
 }
 
 /// A lease was renewed, ended, or commands were bound to it.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub struct LeaseDone {
     /// Its number.
     pub lease: u64,
@@ -218,7 +231,8 @@ pub struct LeaseDone {
 }
 
 /// Commands to be bound to a lease.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LeaseCommands {
     /// At most 8 ready or active commands.

@@ -137,7 +137,7 @@ fn a_lease_of_which_a_renewal_says_that_it_has_expired_is_not_ended() {
     command.start_with(OnClientLoss::Cancel).expect("a start");
     told(&loader).expired.push(1);
     let begun = Instant::now();
-    while !cell.lease.is_lost() {
+    while !cell.connection.lease.is_lost() {
         assert!(
             begun.elapsed() < Duration::from_secs(60),
             "{:?}",

@@ -2,13 +2,15 @@
 //! thread; it trusts nothing that the loader has checked.
 
 use rcc_core::message::CommandState;
-use rcc_protocol::control::Refusal;
+use rcc_protocol::control::{Refusal, SWITCH_MAX};
 use rcc_protocol::rules::{Limit, Rule, RuleFault, RuleTerm};
 
 use super::Engine;
-use super::rules::{RuleRefusal, ids};
 use crate::boards::DeviceBoards;
 use crate::rule::{Judgement, TruthSet};
+
+/// A refusal with the id of the command that it concerns; 0: none.
+pub(super) type RuleRefusal = (u64, Refusal);
 
 /// Returns true if a rule can fire now or later. One that records fires when its condition becomes true, and so never
 /// again if it holds for ever.
@@ -124,4 +126,9 @@ impl<B: DeviceBoards> Engine<B> {
         }
         Ok(arms)
     }
+}
+
+/// The ids in a list, without unused places.
+pub(super) fn ids(list: &[u64; SWITCH_MAX]) -> impl Iterator<Item = u64> {
+    list.iter().copied().filter(|id| *id != 0)
 }

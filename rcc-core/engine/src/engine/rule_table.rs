@@ -20,22 +20,6 @@ pub(super) struct InstalledRule {
     pub(super) held: bool,
 }
 
-/// A set of rows of the table; bit r of word r / 64 is row r.
-pub type RuleSet = [u64; RULES_MAX / 64];
-
-/// Adds a row to a set.
-pub(super) fn insert(set: &mut RuleSet, slot: usize) {
-    if let Some(word) = set.get_mut(slot / 64) {
-        *word |= 1 << (slot % 64);
-    }
-}
-
-/// Returns true if a row is in a set.
-pub(super) fn contains(set: &RuleSet, slot: usize) -> bool {
-    let word = set.get(slot / 64).copied().unwrap_or(0);
-    word >> (slot % 64) & 1 == 1
-}
-
 /// All rows. Ended rules stay in it until their rows are needed.
 #[derive(Debug)]
 pub(super) struct RuleTable {

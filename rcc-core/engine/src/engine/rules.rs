@@ -16,16 +16,14 @@ use rcc_protocol::rules::{
 use super::Engine;
 use super::command_table::PendingTransition;
 use super::handover::{Handover, HandoverOutcome};
-use super::rule_checks::can_fire;
-use super::rule_table::{InstalledRule, RuleSet, contains, disarmed, insert};
+use super::rule_checks::{RuleRefusal, can_fire, ids};
+use super::rule_table::{InstalledRule, disarmed};
 use crate::boards::DeviceBoards;
 use crate::queue::{EngineEvent, EngineReply};
 use crate::record::TriggerReason;
 use crate::rows::{RowIndex, RowSet};
 use crate::rule::{CommandFacts, Judgement, TruthSet, judge};
-
-/// A refusal with the id of the command that it concerns; 0: none.
-pub(super) type RuleRefusal = (u64, Refusal);
+use crate::rule_set::{RuleSet, contains, insert};
 
 /// Result of trying to fire a rule that is due.
 enum Firing {
@@ -474,9 +472,4 @@ impl<B: DeviceBoards> Engine<B> {
             self.record_rule(slot);
         }
     }
-}
-
-/// The ids in a list, without unused places.
-pub(super) fn ids(list: &[u64; SWITCH_MAX]) -> impl Iterator<Item = u64> {
-    list.iter().copied().filter(|id| *id != 0)
 }

@@ -3,8 +3,8 @@
 
 use bytemuck::Zeroable;
 
+use crate::hash::{HashedBlock, hash};
 use crate::input::ArenaSlices;
-use crate::record::hash::{HashedBlock, hash};
 
 /// See the module.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use rcc_protocol::control::Refusal;
 use rcc_protocol::rules::{Limit, Relation};
 
 use super::Net;
-use crate::input::null;
+use crate::input::{Publisher, null};
 use crate::queue::ValueReading;
 
 impl Net {
@@ -31,23 +31,6 @@ impl Net {
         values.evaluations = self.cycles;
         values.every = self.data.rate.every;
         Ok(())
-    }
-
-    /// Copies a published value to another net. It becomes null if width or type of slot differ, which happens if a
-    /// plan declares wrong types.
-    pub fn copy_published(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
-        room.fill(null(to.store));
-        let point = self.data.publishes.get(publish);
-        let fits = |point: &&PublishPoint| point.store == to.store && point.width == to.width;
-        if let Some(point) = point.filter(fits) {
-            let point = ValuePoint {
-                store: point.store,
-                slot: point.slot,
-                width: point.width,
-            };
-            // `Plan::check` has proved that it lies within the arena.
-            let _: Option<()> = self.copy(point, &mut room.iter_mut());
-        }
     }
 
     /// A published value of type `Bool` as the last evaluation left it.
@@ -155,6 +138,27 @@ impl Net {
                 .for_each(|(place, value)| *place = f64::from_bits(value.cast_unsigned())),
         }
         width
+    }
+}
+
+impl Publisher for Net {
+    fn evaluated_cycle(&self) -> u64 {
+        self.evaluated_cycle
+    }
+
+    fn copy_published(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
+        room.fill(null(to.store));
+        let point = self.data.publishes.get(publish);
+        let fits = |point: &&PublishPoint| point.store == to.store && point.width == to.width;
+        if let Some(point) = point.filter(fits) {
+            let point = ValuePoint {
+                store: point.store,
+                slot: point.slot,
+                width: point.width,
+            };
+            // `Plan::check` has proved that it lies within the arena.
+            let _: Option<()> = self.copy(point, &mut room.iter_mut());
+        }
     }
 }
 

@@ -6,10 +6,11 @@ use rcc_core::frame::{ArmMotion, DeviceInput};
 use rcc_core::message::{FaultCode, FaultRecord, JOINTS_MAX, Measurement};
 use rcc_protocol::rules::RuleState;
 
-use super::hash::RecordedHash;
 use super::rule_entry::{self, RecordedRule};
-use crate::engine::RuleSet;
+use crate::hash::RecordedHash;
 use crate::net::Evaluation;
+use crate::rule_set::RuleSet;
+pub use crate::snapshot::NetSnapshot;
 
 /// Words of a [`Measurement`].
 pub const MEASUREMENT_WORDS: usize = size_of::<Measurement>() / 8;
@@ -251,25 +252,6 @@ pub enum RecordEntry<'a> {
         /// Number of periods skipped after it.
         skipped: u64,
     },
-}
-
-/// The state of a net.
-#[derive(Clone, Copy, Debug)]
-pub struct NetSnapshot<'a> {
-    /// Id of the net.
-    pub id: u64,
-    /// Number of its evaluations.
-    pub cycles: u64,
-    /// CANCEL was requested.
-    pub cancel: bool,
-    /// `Real` arena, as bits.
-    pub reals: &'a [u64],
-    /// `Int` arena.
-    pub ints: &'a [u64],
-    /// `Bool` arena, eight slots per word.
-    pub bools: &'a [u64],
-    /// State of the motions, see [`rcc_motion::MotionSet::save`].
-    pub motions: &'a [u64],
 }
 
 /// Words that are not a valid record.

@@ -9,10 +9,10 @@ use rcc_core::types::NULL_BOOL;
 use rcc_protocol::rules::{RULES_MAX, RuleState, RuleTerm};
 
 use super::NetReplay;
-use crate::engine::RuleSet;
 use crate::net::Evaluation;
 use crate::record::rule_entry::RecordedRule;
 use crate::rule::{CommandFacts, Judgement, TruthSet, judge};
+use crate::rule_set::{RuleSet, contains};
 
 /// Result of the replay of all rules.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -154,12 +154,8 @@ impl RuleReplay {
         judged: RuleSet,
         held: RuleSet,
     ) {
-        let has = |set: &RuleSet, slot: usize| {
-            let word = set.get(slot / 64).copied().unwrap_or(0);
-            word >> (slot % 64) & 1 == 1
-        };
-        for slot in (0..RULES_MAX).filter(|slot| has(&judged, *slot)) {
-            let recorded = has(&held, slot);
+        for slot in (0..RULES_MAX).filter(|slot| contains(&judged, *slot)) {
+            let recorded = contains(&held, slot);
             self.result.recorded += 1;
             self.result.held += u64::from(recorded);
             let Some(rule) = self.rules.get(&slot) else {

@@ -13,9 +13,9 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
 use rcc_core::types::Store;
+use rcc_engine::hash::{WordChecksum, version_1};
 use rcc_engine::net::{Net, NetOrigin};
 use rcc_engine::queue::EngineRequest;
-use rcc_engine::record::hash::{WordChecksum, version_1};
 use rcc_engine::record::{
     FlightRecorder, FlightRecorderConfig, FlightRecorderHelper, FrozenRecording, TriggerReason,
 };

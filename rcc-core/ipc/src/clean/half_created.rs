@@ -10,10 +10,11 @@ use std::time::Duration;
 
 use rcc_os::clock::monotonic_ns;
 
-use super::{CleanError, remove_file};
+use super::CleanError;
 use crate::cell::Cell;
 use crate::reap;
 use crate::shm_space::SHM;
+use crate::wipe::remove_file;
 
 /// A shared-memory file that has been empty for this long was left by a process that died between creating and sizing
 /// it.

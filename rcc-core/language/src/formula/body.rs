@@ -9,9 +9,9 @@ use super::error::Problem;
 use super::lexer::{KEYWORDS, Lexer, Token};
 use super::parser::parse;
 use super::places::{Place, PortWords};
-use super::terms::{NamedInputs, Scope, link_to};
+use super::terms::{NamedInputs, Scope, Terms, link_to};
 use super::values::{OperationOutput, Operations, Value, marked};
-use super::{EXPRESSION, FORMULA, is_formula};
+use super::{EXPRESSION, FORMULA, emit, is_formula};
 use crate::codes;
 use crate::parse::reference;
 use crate::source_map::SourceMap;
@@ -21,16 +21,12 @@ use crate::syntax::{Formula, Link, Primitive, PrimitiveKind, Source};
 
 /// The lowering of one net or fragment.
 pub struct BodyLowering<'a> {
-    /// Inputs of the fragment.
-    pub(super) fragment_inputs: HashSet<String>,
+    terms: Terms,
     sources: &'a SourceMap,
     diagnostics: &'a mut Vec<Diagnostic>,
-    pub(super) operations: Operations,
-    /// Ids of the net's own primitives.
-    pub(super) ids: HashSet<String>,
     /// Operations that are a whole `Formula`, by the number of the primitive.
-    pub(super) whole: HashMap<usize, usize>,
-    pub(super) refused: Vec<Primitive>,
+    whole: HashMap<usize, usize>,
+    refused: Vec<Primitive>,
     /// Primitives with discarded outputs: no other formula reads them.
     discarded: HashSet<String>,
 }
@@ -44,11 +40,12 @@ impl<'a> BodyLowering<'a> {
         diagnostics: &'a mut Vec<Diagnostic>,
     ) -> BodyLowering<'a> {
         BodyLowering {
-            fragment_inputs: fragment_inputs.into_iter().collect(),
+            terms: Terms {
+                fragment_inputs: fragment_inputs.into_iter().collect(),
+                ..Terms::default()
+            },
             sources,
             diagnostics,
-            operations: Operations::default(),
-            ids: HashSet::new(),
             whole: HashMap::new(),
             refused: Vec::new(),
             discarded: discard
@@ -61,7 +58,7 @@ impl<'a> BodyLowering<'a> {
     /// Replaces all expressions.
     pub fn run(mut self, primitives: &mut Vec<Primitive>, words: &mut PortWords) {
         let ids = primitives.iter().map(|primitive| primitive.id.name.clone());
-        self.ids = ids.collect();
+        self.terms.ids = ids.collect();
         for (owner, primitive) in primitives.iter_mut().enumerate() {
             let mut read = Vec::new();
             if is_formula(primitive) {
@@ -76,7 +73,8 @@ impl<'a> BodyLowering<'a> {
             }
             self.add_refused(&primitive.id, read);
         }
-        self.insert(primitives, words);
+        let operations = self.terms.operations.all;
+        emit::insert(operations, &self.whole, self.refused, primitives, words);
     }
 
     /// Replaces a source by one without expressions. `read` gets the outputs that refused expressions name.
@@ -130,7 +128,7 @@ impl<'a> BodyLowering<'a> {
             values: Vec::new(),
         };
         let parsed = parse(text, from);
-        let evaluated = parsed.and_then(|expression| self.terms(&expression, &mut scope));
+        let evaluated = parsed.and_then(|expression| self.terms.evaluate(&expression, &mut scope));
         if let Err(error) = evaluated {
             let code = error.problem.code();
             let at = scope.place.at(&error.place);
@@ -158,8 +156,9 @@ impl<'a> BodyLowering<'a> {
                 Ok((Token::End, _)) => return links,
                 Ok((Token::Word(word), _)) => {
                     let reference = reference::parse(word, span);
-                    let known = reference
-                        .filter(|from| !from.port.is_empty() && self.ids.contains(&from.primitive));
+                    let known = reference.filter(|from| {
+                        !from.port.is_empty() && self.terms.ids.contains(&from.primitive)
+                    });
                     links.extend(known.map(|from| link_to(from, span)));
                 }
                 Ok(_) => {}
@@ -245,7 +244,7 @@ impl<'a> BodyLowering<'a> {
     }
 
     fn output_of(&self, number: usize, link: &Link) -> Value {
-        let operation = self.operations.all.get(number);
+        let operation = self.terms.operations.all.get(number);
         let port = match operation.and_then(|operation| operation.spec) {
             Some(spec) => spec.output(&link.from.port).map(|(_, port)| port.name),
             None => Some("out"),
@@ -301,7 +300,7 @@ impl<'a> BodyLowering<'a> {
         let always_active = primitive.active.is_none();
         let is_shared = !self.discarded.contains(&primitive.id.name);
         if let Value::Operation(output) = value
-            && let Some(operation) = self.operations.all.get_mut(output.number)
+            && let Some(operation) = self.terms.operations.all.get_mut(output.number)
             && let (None, false, Some("out")) = (output.part, output.delayed, output.port)
             && let (None, true, true) = (&operation.id, always_active, is_shared)
             && operation.spec.is_none_or(|spec| spec.outputs.len() == 1)

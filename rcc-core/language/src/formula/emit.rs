@@ -2,59 +2,63 @@
 
 use std::collections::HashMap;
 
-use super::body::BodyLowering;
 use super::places::PortWords;
 use super::values::{Operation, Operations, marked};
 use crate::syntax::{Primitive, Source};
 
-impl BodyLowering<'_> {
-    /// Gives the operations their ids, and puts each before the primitive with its expression.
-    pub(super) fn insert(self, primitives: &mut Vec<Primitive>, words: &mut PortWords) {
-        let operations = self.operations.all;
-        let used = used(&operations, primitives);
-        let mut ids: Vec<String> = Vec::with_capacity(operations.len());
-        let mut counts: HashMap<usize, usize> = HashMap::new();
-        let mut by_owner: HashMap<usize, Vec<usize>> = HashMap::new();
-        for (number, operation) in operations.iter().enumerate() {
-            let id = match &operation.id {
-                Some(id) => id.clone(),
-                None if !used[number] => String::new(),
-                None => {
-                    let count = counts.entry(operation.owner).or_default();
-                    *count += 1;
-                    by_owner.entry(operation.owner).or_default().push(number);
-                    let owner = primitives.get(operation.owner);
-                    let owner = owner.map_or("", |owner| owner.id.name.as_str());
-                    format!("{owner}/{count}")
-                }
-            };
-            if used[number] {
-                words.add(&id, &operation.symbol);
+/// Gives the operations their ids, and puts each before the primitive with its expression.
+///
+/// `whole` are the operations that are a whole `Formula`, by the number of the primitive; `refused` is added at the end.
+pub fn insert(
+    operations: Vec<Operation>,
+    whole: &HashMap<usize, usize>,
+    refused: Vec<Primitive>,
+    primitives: &mut Vec<Primitive>,
+    words: &mut PortWords,
+) {
+    let used = used(&operations, primitives);
+    let mut ids: Vec<String> = Vec::with_capacity(operations.len());
+    let mut counts: HashMap<usize, usize> = HashMap::new();
+    let mut by_owner: HashMap<usize, Vec<usize>> = HashMap::new();
+    for (number, operation) in operations.iter().enumerate() {
+        let id = match &operation.id {
+            Some(id) => id.clone(),
+            None if !used[number] => String::new(),
+            None => {
+                let count = counts.entry(operation.owner).or_default();
+                *count += 1;
+                by_owner.entry(operation.owner).or_default().push(number);
+                let owner = primitives.get(operation.owner);
+                let owner = owner.map_or("", |owner| owner.id.name.as_str());
+                format!("{owner}/{count}")
             }
-            ids.push(id);
+        };
+        if used[number] {
+            words.add(&id, &operation.symbol);
         }
-        let mut lowered = Vec::with_capacity(primitives.len() + operations.len());
-        for (owner, mut primitive) in std::mem::take(primitives).into_iter().enumerate() {
-            for number in by_owner.remove(&owner).unwrap_or_default() {
-                lowered.push(Operations::primitive(&operations[number], &ids[number]));
-            }
-            if let Some(&number) = self.whole.get(&owner) {
-                primitive = Primitive {
-                    id: primitive.id,
-                    ..Operations::primitive(&operations[number], &ids[number])
-                };
-            }
-            lowered.push(primitive);
-        }
-        lowered.extend(self.refused);
-        for primitive in &mut lowered {
-            let inputs = primitive.inputs.iter_mut().map(|(_, source)| source);
-            for source in inputs.chain(&mut primitive.active) {
-                put_ids(source, &ids);
-            }
-        }
-        *primitives = lowered;
+        ids.push(id);
     }
+    let mut lowered = Vec::with_capacity(primitives.len() + operations.len());
+    for (owner, mut primitive) in std::mem::take(primitives).into_iter().enumerate() {
+        for number in by_owner.remove(&owner).unwrap_or_default() {
+            lowered.push(Operations::primitive(&operations[number], &ids[number]));
+        }
+        if let Some(&number) = whole.get(&owner) {
+            primitive = Primitive {
+                id: primitive.id,
+                ..Operations::primitive(&operations[number], &ids[number])
+            };
+        }
+        lowered.push(primitive);
+    }
+    lowered.extend(refused);
+    for primitive in &mut lowered {
+        let inputs = primitive.inputs.iter_mut().map(|(_, source)| source);
+        for source in inputs.chain(&mut primitive.active) {
+            put_ids(source, &ids);
+        }
+    }
+    *primitives = lowered;
 }
 
 /// Returns which operations are read, directly or through others.

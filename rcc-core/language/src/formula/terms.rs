@@ -8,7 +8,6 @@ use rcc_config::diagnostic::{Span, closest};
 use rcc_config::yaml::{Node, Value as Tree};
 use rcc_core::primitive::Spec;
 
-use super::body::BodyLowering;
 use super::error::{ExpressionError, Problem};
 use super::functions::spec;
 use super::lexer::KEYWORDS;
@@ -38,10 +37,22 @@ pub struct Scope<'s> {
     pub values: Vec<(Value, Span)>,
 }
 
+/// What the terms of all expressions of one net or fragment have in common.
+#[derive(Default)]
+pub struct Terms {
+    /// Inputs of the fragment.
+    pub fragment_inputs: HashSet<String>,
+    /// Ids of the net's own primitives.
+    pub ids: HashSet<String>,
+    /// Operations so far.
+    pub operations: Operations,
+}
+
 type Evaluated = Result<Value, ExpressionError>;
-impl BodyLowering<'_> {
+
+impl Terms {
     /// Evaluates the terms of an expression in their order.
-    pub(super) fn terms(
+    pub fn evaluate(
         &mut self,
         expression: &Expression,
         scope: &mut Scope<'_>,

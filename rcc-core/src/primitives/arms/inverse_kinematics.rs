@@ -6,8 +6,8 @@
 //! jumps by a full turn.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::joints::{JOINTS_MAX, Joints};
 use crate::kinematics::{Branch, InverseKinematicsError, within_limits};
-use crate::message::{JOINTS_MAX, Joints};
 use crate::pose::Pose;
 use crate::primitive::{
     CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Prepare, Real, Slot, Spec,

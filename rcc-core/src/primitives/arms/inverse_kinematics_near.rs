@@ -5,8 +5,8 @@
 
 use super::inverse_kinematics::{JOINT, JointSolution, REASON};
 use crate::frame::Frame;
+use crate::joints::JOINTS_MAX;
 use crate::kinematics::{ArmConfiguration, Unreachable};
-use crate::message::JOINTS_MAX;
 use crate::pose::Pose;
 use crate::primitive::{
     CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step,

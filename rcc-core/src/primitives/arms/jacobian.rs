@@ -1,7 +1,7 @@
 //! `Jacobian`: the geometric Jacobian of an arm.
 
 use crate::frame::Frame;
-use crate::message::JOINTS_MAX;
+use crate::joints::JOINTS_MAX;
 use crate::primitive::{
     CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step,
     UnitRule, operands,

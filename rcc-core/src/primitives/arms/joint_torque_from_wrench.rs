@@ -1,7 +1,7 @@
 //! `JointTorqueFromWrench`: the static joint torques that balance a force and torque at the flange.
 
 use crate::frame::Frame;
-use crate::message::JOINTS_MAX;
+use crate::joints::JOINTS_MAX;
 use crate::primitive::{
     CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spatial, Spec,
     Step, UnitRule, operands,

@@ -86,7 +86,7 @@ impl Step for StartPose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::ArmMotion;
+    use crate::joints::ArmMotion;
     use crate::testing::PrimitiveHarness;
 
     #[test]

@@ -5,7 +5,7 @@
 
 use crate::frame::Frame;
 use crate::impedance::{ControlMode, Impedance};
-use crate::message::JOINTS_MAX;
+use crate::joints::JOINTS_MAX;
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Device, Kernel, Parameter, Port, PortType, Real, Role, Slot,
     Spatial, Spec, Step, UnitRule, Vector3, operands,

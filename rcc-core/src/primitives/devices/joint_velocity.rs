@@ -4,7 +4,7 @@
 //! jitter to the velocity. Nothing is smoothed.
 
 use crate::frame::Frame;
-use crate::message::{JOINTS_MAX, Joints};
+use crate::joints::{JOINTS_MAX, Joints};
 use crate::primitive::{
     CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Real, Slot, Spec, StateSpec,
     Step, UnitRule, operands,

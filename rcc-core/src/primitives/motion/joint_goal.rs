@@ -11,7 +11,7 @@ use crate::axis::{
     step_axis,
 };
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::message::{JOINTS_MAX, Joints};
+use crate::joints::{JOINTS_MAX, Joints};
 use crate::path::MotionLimits;
 use crate::primitive::{
     Bool, CatalogueEntry, DefaultValue, Device, Int, Kernel, NullRule, Parameter, ParameterKind,
@@ -228,7 +228,8 @@ fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> MotionLim
 
 #[cfg(test)]
 mod tests {
-    use crate::frame::{ArmMotion, PrepareFault};
+    use crate::frame::PrepareFault;
+    use crate::joints::ArmMotion;
     use crate::testing::PrimitiveHarness;
 
     const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];

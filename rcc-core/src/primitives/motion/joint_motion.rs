@@ -5,7 +5,7 @@
 
 use super::path_motion::{self, motion_operands};
 use crate::frame::{Preparation, PrepareFault};
-use crate::message::JOINTS_MAX;
+use crate::joints::JOINTS_MAX;
 use crate::path::{Leg, PathRequest, PathSegment, SpeedProfile};
 use crate::pose::Pose;
 use crate::primitive::{

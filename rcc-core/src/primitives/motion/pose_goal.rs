@@ -14,9 +14,9 @@ use core::f64::consts::TAU;
 use crate::axis::{
     AXIS_WORDS, AxisFollower, AxisSlot, AxisState, axes, is_new, rest_at, share_of, step_axis,
 };
-use crate::frame::{ArmMotion, Frame, Preparation, PrepareFault};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::joints::{ArmMotion, Joints};
 use crate::kinematics::Arm;
-use crate::message::Joints;
 use crate::path::MotionLimits;
 use crate::pose::Pose;
 use crate::primitive::{

@@ -15,8 +15,9 @@ use rcc_driver_kit::rcc_core::primitive::ChannelKind::{
 use rcc_driver_kit::serde_json::json;
 
 use super::example;
-use crate::c_driver::{CDriver, DriverTable, OWN_REASONS};
+use crate::c_driver::{CDriver, DriverTable};
 use crate::ffi::Description;
+use crate::reasons::OWN_REASONS;
 
 #[derive(Debug)]
 enum LineArm {}

@@ -8,7 +8,7 @@ use rcc_driver_kit::host::reason::Reason;
 use thiserror::Error;
 
 use super::raw::{Call, Open, RawDriver, RawSetting, Receive, Send, VERSION};
-use crate::c_driver::{OWN_REASON_MAX, OWN_REASONS};
+use crate::reasons::{OWN_REASON_MAX, OWN_REASONS};
 
 /// Most rows of a table: more are a mistake of its author.
 const ROWS_MAX: u32 = 1000;

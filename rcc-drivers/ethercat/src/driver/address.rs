@@ -3,7 +3,7 @@
 //!
 //! `lamps channel 1` · `lamps bit 0` · `other byte 4 i16` · `pressures 0x6000:11 i16`
 
-use super::settings::TerminalSettings;
+use super::terminal_settings::TerminalSettings;
 use crate::terminals::{Channels, Model};
 
 /// How a value is stored; numbers are little-endian.

@@ -9,7 +9,7 @@ use rcc_driver_kit::rcc_core::unit::Unit;
 use serde_json::{Map, Value};
 
 use super::address::{Format, Place};
-use super::settings::TerminalSettings;
+use super::terminal_settings::TerminalSettings;
 use crate::session::{ObjectData, ObjectValue};
 use crate::terminals::Channels;
 

@@ -12,7 +12,8 @@ use rcc_driver_kit::rcc_core::primitive::ChannelKind;
 use super::address::{self, Format, Place};
 use super::axis_settings::DrivePlace;
 use super::power_state::command;
-use super::settings::{EthercatSettings, TerminalSettings};
+use super::settings::EthercatSettings;
+use super::terminal_settings::TerminalSettings;
 use crate::session::{ObjectData, ObjectValue, TerminalImage};
 use crate::terminals::Channels;
 

@@ -6,8 +6,6 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::drive_objects::DriveSettings;
-
 /// Error codes (object 0x603F; IEC 61800-7-201, table of error codes).
 pub mod error {
     /// The position has left the window of the following error.
@@ -66,6 +64,23 @@ impl DriveState {
             DriveState::Fault => 0x08,
         }
     }
+}
+
+/// What the axis needs of the settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveSettings {
+    /// Mode of operation.
+    pub mode: i8,
+    /// Window of the following error, counts.
+    pub following_window: u32,
+    /// Longest time outside of the window.
+    pub following_timeout: Duration,
+    /// Deceleration of a quick stop, counts/s².
+    pub quick_stop_deceleration: u32,
+    /// Largest speed, counts/s.
+    pub speed_max: u32,
+    /// Time in which a target is reached, s: the interval between two of them.
+    pub interpolation_s: f64,
 }
 
 /// The axis.

@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use super::drive::Drive;
+use super::drive::{Drive, DriveSettings};
 use super::objects::{ObjectDictionary, Setting};
 
 /// Default window of the following error, counts.
@@ -31,23 +31,6 @@ const SETTINGS: &[Setting] = &[
     (0x60c2, 1, &[1], None),
     (0x60c2, 2, &[0xfd], None),
 ];
-
-/// What the axis needs of the settings.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DriveSettings {
-    /// Mode of operation.
-    pub mode: i8,
-    /// Window of the following error, counts.
-    pub following_window: u32,
-    /// Longest time outside of the window.
-    pub following_timeout: Duration,
-    /// Deceleration of a quick stop, counts/s².
-    pub quick_stop_deceleration: u32,
-    /// Largest speed, counts/s.
-    pub speed_max: u32,
-    /// Time in which a target is reached, s: the interval between two of them.
-    pub interpolation_s: f64,
-}
 
 impl DriveSettings {
     /// Reads the settings of an object dictionary.
@@ -96,12 +79,13 @@ pub fn show(objects: &mut ObjectDictionary, drive: &Drive) {
 #[cfg(test)]
 mod tests {
     use super::super::model::Model;
+    use super::super::model_objects;
     use super::super::objects::abort;
     use super::*;
 
     #[test]
     fn the_settings_are_those_of_the_dictionary() {
-        let mut objects = ObjectDictionary::new(Model::named("CiA402").unwrap(), 1);
+        let mut objects = model_objects::of(Model::named("CiA402").unwrap(), 1);
         objects.write(0x6060, 0, &[8]).unwrap();
         objects.write(0x6065, 0, &70_000_u32.to_le_bytes()).unwrap();
         objects.write(0x6066, 0, &[0x2c, 1]).unwrap();
@@ -117,7 +101,7 @@ mod tests {
 
     #[test]
     fn an_option_that_is_not_simulated_is_refused() {
-        let mut objects = ObjectDictionary::new(Model::named("CiA402").unwrap(), 1);
+        let mut objects = model_objects::of(Model::named("CiA402").unwrap(), 1);
         assert_eq!(objects.write(0x605a, 0, &[2, 0]), Ok(()));
         assert_eq!(objects.write(0x605a, 0, &[6, 0]), Err(abort::VALUE));
         assert_eq!(objects.write(0x6041, 0, &[6, 0]), Err(abort::READ_ONLY));

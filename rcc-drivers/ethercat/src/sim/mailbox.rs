@@ -123,6 +123,7 @@ fn download(command: u8, data: &[u8]) -> Result<&[u8], u32> {
 #[cfg(test)]
 mod tests {
     use super::super::model::Model;
+    use super::super::model_objects;
     use super::*;
 
     fn message(protocol: u8, service: u16, sdo: &[u8]) -> Vec<u8> {
@@ -135,7 +136,7 @@ mod tests {
     }
 
     fn ask(sdo: &[u8]) -> Vec<u8> {
-        let mut objects = ObjectDictionary::new(Model::named("EL4004").unwrap(), 9);
+        let mut objects = model_objects::of(Model::named("EL4004").unwrap(), 9);
         Mailbox::default().answer(&message(3, 2, sdo), &mut objects)[6..].to_vec()
     }
 
@@ -152,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_download_changes_a_setting_and_nothing_else() {
-        let mut objects = ObjectDictionary::new(Model::named("EL4004").unwrap(), 9);
+        let mut objects = model_objects::of(Model::named("EL4004").unwrap(), 9);
         let mut mailbox = Mailbox::default();
         let expedited = [0x2b, 0x00, 0x80, 0x13, 0x34, 0x12, 0, 0];
         let answer = mailbox.answer(&message(3, 2, &expedited), &mut objects);

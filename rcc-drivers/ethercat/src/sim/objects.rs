@@ -1,10 +1,9 @@
-//! The object dictionary of a terminal with a mailbox (ETG.1000.6, section 5.6.7): identity, sync managers, process data
-//! objects, and the settings that can be written.
+//! The object dictionary of a terminal with a mailbox (ETG.1000.6, section 5.6.7): objects that can be read, and settings
+//! that can be written.
 //! Called by the thread of the socket.
 
 use std::collections::BTreeMap;
 
-use super::drive_objects;
 use super::model::{Channels, Model};
 
 /// Abort codes of SDO (ETG.1000.6, table 40).
@@ -42,59 +41,13 @@ struct Entry {
 pub struct ObjectDictionary(BTreeMap<(u16, u8), Entry>);
 
 impl ObjectDictionary {
-    /// Returns the objects of a model after power-on; empty if it has no mailbox.
-    #[must_use]
-    pub fn new(model: &Model, serial: u32) -> ObjectDictionary {
-        let mut objects = ObjectDictionary::default();
-        if !model.has_mailbox() {
-            return objects;
-        }
-        objects.constant(0x1000, 0, &5001_u32.to_le_bytes());
-        objects.constant(0x1008, 0, model.name.as_bytes());
-        objects.constant(0x1009, 0, b"00");
-        objects.constant(0x100a, 0, b"01");
-        let identity = [model.vendor, model.product, model.revision, serial];
-        objects.array(0x1018, identity.map(u32::to_le_bytes));
-        objects.array(0x1c00, [[1], [2], [3], [4]]);
-        let assigned = |outputs| {
-            let pdos = model.pdos().into_iter();
-            let of = pdos.filter(move |pdo| pdo.is_output() == outputs);
-            of.map(|pdo| pdo.index.to_le_bytes())
-        };
-        objects.array(0x1c12, assigned(true));
-        objects.array(0x1c13, assigned(false));
-        for pdo in model.pdos() {
-            let mapped = pdo.entries.iter().map(|entry| {
-                let object = u32::from(entry.index) << 16 | u32::from(entry.sub_index) << 8;
-                (object | u32::from(entry.bits)).to_le_bytes()
-            });
-            objects.array(pdo.index, mapped);
-        }
-        if model.channels == Channels::Drive {
-            drive_objects::add(&mut objects);
-        }
-        for channel in 0..u16::from(model.count) {
-            let settings = 0x8000 + channel * 0x10;
-            match model.channels {
-                // Filter on; filter settings: 0 = 50 Hz.
-                Channels::AnalogInput => {
-                    objects.setting(settings, 0x06, &[0]);
-                    objects.setting(settings, 0x15, &[0, 0]);
-                }
-                // Value without communication.
-                _ => objects.setting(settings, 0x13, &[0, 0]),
-            }
-        }
-        objects
-    }
-
     /// Adds or changes an object that can only be read.
     pub fn constant(&mut self, index: u16, sub_index: u8, data: &[u8]) {
         self.put(index, sub_index, data, false);
     }
 
     /// Adds a setting; sub-index 0 holds the largest sub-index.
-    fn setting(&mut self, index: u16, sub_index: u8, data: &[u8]) {
+    pub fn setting(&mut self, index: u16, sub_index: u8, data: &[u8]) {
         self.put(index, sub_index, data, true);
         self.constant(index, 0, &[sub_index]);
     }
@@ -122,7 +75,7 @@ impl ObjectDictionary {
     }
 
     /// Adds a list: sub-index 0 holds its length.
-    fn array<const N: usize>(&mut self, index: u16, items: impl IntoIterator<Item = [u8; N]>) {
+    pub fn array<const N: usize>(&mut self, index: u16, items: impl IntoIterator<Item = [u8; N]>) {
         let mut count = 0;
         for item in items {
             count += 1;
@@ -192,10 +145,11 @@ impl ObjectDictionary {
 
 #[cfg(test)]
 mod tests {
+    use super::super::model_objects;
     use super::*;
 
     fn analog_input() -> ObjectDictionary {
-        ObjectDictionary::new(Model::named("EL3064").unwrap(), 9)
+        model_objects::of(Model::named("EL3064").unwrap(), 9)
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::eeprom;
 use super::frame::{Access, Datagram};
 use super::mailbox::Mailbox;
 use super::model::{Channels, MAILBOX_IN, MAILBOX_OUT, MAILBOX_SIZE, Model, SyncManagerDefault};
+use super::model_objects;
 use super::objects::ObjectDictionary;
 use super::registers::{self as register, Memory, SM, SM_SIZE, SyncManager};
 use super::state_machine::{State, Status, code};
@@ -57,7 +58,7 @@ impl SubDevice {
             eeprom: eeprom::image(model, serial),
             status: Status::POWER_ON,
             mailbox: Mailbox::default(),
-            objects: ObjectDictionary::new(model, serial),
+            objects: model_objects::of(model, serial),
             drive: (model.channels == Channels::Drive).then(|| Drive::new(0)),
             clock: model.has_clock().then(|| Clock::new(serial)),
             inputs: [0; CHANNELS_MAX],

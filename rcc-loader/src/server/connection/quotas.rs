@@ -11,6 +11,7 @@ use rcc_process::log_throttle::LogThrottle;
 use tokio::sync::oneshot;
 
 use crate::server::peer::ClientPeer;
+use crate::server::request_class::RequestClass;
 
 /// Limits of a listener or of a class of requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,19 +70,6 @@ pub const UNAUTHENTICATED: (u32, u32) = (5, 20);
 pub const HEADS_MAX: usize = 192;
 /// Maximum number of known peers; beyond it, peers without a pending request are forgotten.
 pub(super) const PEERS_MAX: usize = 1024;
-
-/// The class that a request is counted in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::server) enum RequestClass {
-    /// Any other request.
-    Usual,
-    /// A CANCEL or ABORT.
-    Stop,
-    /// A set-point channel, or a stream of values, states and events.
-    Stream,
-    /// A request without the right token.
-    Unauthenticated,
-}
 
 /// Concurrent requests and remaining credit of one peer (token bucket).
 struct PeerQuota {

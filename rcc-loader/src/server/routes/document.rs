@@ -1,15 +1,70 @@
-//! Completes the OpenAPI document that utoipa makes of the handlers: the description of each response, the names of
-//! states, and how a client is authorised. Pure; run once, when the server starts.
+//! Makes `openapi.json`, the OpenAPI document: utoipa reads handlers and bodies; the description of each response, the
+//! names of states, and how a client is authorised are added. Only in tests, which compare it with the file that the server
+//! sends.
 
+use rcc_api::bodies::{ErrorBody, Finding, TextLocation};
 use rcc_api::codes;
+use rcc_api::streams::{
+    ChannelError, ChannelOpened, ChannelSet, StreamEnd, StreamLoss, StreamMonitored, StreamPorts,
+    StreamState,
+};
 use rcc_core::helper::HelperState;
 use rcc_core::message::{ClockState, CommandState, DeviceState, EndReason, FaultCode};
 use rcc_protocol::rules::RuleState;
 use serde_json::{Map, Value, json};
-use utoipa::openapi::OpenApi;
+use utoipa::OpenApi;
 
-/// Methods of a path item (OpenAPI 3.1, section 4.8.9.1).
-const METHODS: [&str; 7] = ["get", "put", "post", "delete", "options", "head", "patch"];
+use super::interface::METHODS;
+
+#[derive(utoipa::OpenApi)]
+#[openapi(
+    info(
+        title = "RCC",
+        description = "Robot Control Core: load a net as a command, start it, cancel it, look at it."
+    ),
+    paths(
+        super::load::load,
+        super::list,
+        super::detail,
+        super::start,
+        super::switch,
+        super::set,
+        super::set_points::set_points,
+        super::values,
+        super::cancel,
+        super::abort,
+        super::unload,
+        super::devices,
+        super::primitives,
+        super::schema,
+        super::status,
+        super::timing,
+        super::topics,
+        super::acknowledge,
+        super::openapi,
+        super::stream::stream
+    ),
+    components(schemas(
+        ErrorBody,
+        Finding,
+        TextLocation,
+        ChannelOpened,
+        ChannelSet,
+        ChannelError,
+        StreamPorts,
+        StreamState,
+        StreamMonitored,
+        StreamLoss,
+        StreamEnd
+    ))
+)]
+struct ApiDocument;
+
+/// Returns the document, as the handlers and the bodies make it.
+fn made() -> Result<Value, serde_json::Error> {
+    let document = ApiDocument::openapi().merge_from(super::records::RecordsDocument::openapi());
+    complete(document.merge_from(super::rules::RulesDocument::openapi()))
+}
 
 /// The groups of operations.
 const TAGS: [(&str, &str); 6] = [
@@ -27,20 +82,11 @@ const TAGS: [(&str, &str); 6] = [
     ),
 ];
 
-/// Returns path, method and operation of each operation of a document.
-pub(super) fn operations(document: &Value) -> impl Iterator<Item = (&str, &str, &Value)> {
-    let paths = document["paths"].as_object().into_iter().flatten();
-    paths.flat_map(|(path, item)| {
-        let methods = METHODS.into_iter();
-        methods.filter_map(move |method| Some((path.as_str(), method, item.get(method)?)))
-    })
-}
-
 /// Completes a document.
 ///
 /// # Errors
 /// Returns an error if it cannot be serialized; a test shows that it can.
-pub(super) fn complete(document: OpenApi) -> Result<Value, serde_json::Error> {
+fn complete(document: utoipa::openapi::OpenApi) -> Result<Value, serde_json::Error> {
     let mut document = serde_json::to_value(document)?;
     document["tags"] = TAGS
         .iter()
@@ -229,8 +275,31 @@ mod tests {
 
     use super::*;
 
+    use crate::server::routes::OPEN_API;
+    use crate::server::routes::interface::operations;
+
     fn document() -> Value {
-        super::super::described().expect("serializable")
+        serde_json::from_str(OPEN_API).expect("JSON")
+    }
+
+    #[test]
+    fn the_file_is_what_handlers_and_bodies_make() -> Result<(), Box<dyn std::error::Error>> {
+        let made = serde_json::to_string_pretty(&made()?)? + "\n";
+        if std::env::var_os("RCC_BLESS").is_some() {
+            std::fs::write(
+                concat!(
+                    env!("CARGO_MANIFEST_DIR"),
+                    "/src/server/routes/openapi.json"
+                ),
+                made,
+            )?;
+            return Ok(());
+        }
+        assert!(
+            made == OPEN_API,
+            "openapi.json is of another interface; RCC_BLESS=1 cargo test -p rcc-loader --lib document"
+        );
+        Ok(())
     }
 
     #[test]

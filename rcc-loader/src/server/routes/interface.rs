@@ -15,22 +15,34 @@ use rcc_config::diagnostic::closest;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::document;
+use super::OPEN_API;
 use crate::server::error::ErrorResponse;
 
 /// Maximum number of characters of a client's text that an error quotes.
 const QUOTED_MAX: usize = 80;
+
+/// Methods of a path item (OpenAPI 3.1, section 4.8.9.1).
+pub(super) const METHODS: [&str; 7] = ["get", "put", "post", "delete", "options", "head", "patch"];
 
 /// Names of the query parameters that each method of an address reads.
 type Methods = BTreeMap<String, Vec<String>>;
 
 /// The addresses of the interface, with variable parts as `{name}`.
 static ADDRESSES: LazyLock<BTreeMap<String, Methods>> =
-    LazyLock::new(|| addresses(&super::described().unwrap_or_default()));
+    LazyLock::new(|| addresses(&serde_json::from_str(OPEN_API).unwrap_or_default()));
+
+/// Returns path, method and operation of each operation of a document.
+pub(super) fn operations(document: &Value) -> impl Iterator<Item = (&str, &str, &Value)> {
+    let paths = document["paths"].as_object().into_iter().flatten();
+    paths.flat_map(|(path, item)| {
+        let methods = METHODS.into_iter();
+        methods.filter_map(move |method| Some((path.as_str(), method, item.get(method)?)))
+    })
+}
 
 fn addresses(document: &Value) -> BTreeMap<String, Methods> {
     let mut all: BTreeMap<String, Methods> = BTreeMap::new();
-    for (path, method, operation) in document::operations(document) {
+    for (path, method, operation) in operations(document) {
         let parameters = operation["parameters"].as_array().into_iter().flatten();
         let names = parameters.filter(|parameter| parameter["in"] == "query");
         let names = names.filter_map(|parameter| parameter["name"].as_str().map(str::to_owned));

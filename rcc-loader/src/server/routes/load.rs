@@ -8,7 +8,9 @@ use axum::body::Bytes;
 use axum::extract::{Extension, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use rcc_api::bodies::{ErrorBody, Loaded};
+#[cfg(test)]
+use rcc_api::bodies::ErrorBody;
+use rcc_api::bodies::Loaded;
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_core::printable::Printable;
@@ -33,9 +35,9 @@ pub(super) struct LoadQuery {
 
 /// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the command's state then changes from `loading`
 /// to `ready` or `rejected`.
-#[utoipa::path(post, path = "/commands", operation_id = "loadCommand", tag = "commands", request_body(content((Object = "application/json"), (String = "application/yaml")), description = "a net"),
+#[cfg_attr(test, utoipa::path(post, path = "/commands", operation_id = "loadCommand", tag = "commands", request_body(content((Object = "application/json"), (String = "application/yaml")), description = "a net"),
     params(("file" = Option<String>, Query, description = "file name for diagnostics")),
-    responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+    responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody))))]
 pub(super) async fn load(
     State(state): State<ServerState>,
     Query(query): Query<LoadQuery>,

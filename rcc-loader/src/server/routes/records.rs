@@ -9,11 +9,11 @@ use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+#[cfg(test)]
 use rcc_api::bodies::{ErrorBody, EventPage, HistoryPage, IncidentView, WrittenIncident};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use serde::Deserialize;
-use utoipa::OpenApi;
 
 use super::interface::Query;
 use super::requests::{answering, blocking, reading};
@@ -25,7 +25,8 @@ use crate::server::service::Service;
 use crate::server::service::history::HistoryRequest;
 
 /// The part of the OpenAPI document about these routes.
-#[derive(OpenApi)]
+#[cfg(test)]
+#[derive(utoipa::OpenApi)]
 #[openapi(paths(events, history, incidents, incident, download))]
 pub(super) struct RecordsDocument;
 
@@ -48,10 +49,10 @@ struct EventsQuery {
 
 /// Returns the newest events of the cell's log, or those after a position: ask with the `next` of the last answer to
 /// follow the log.
-#[utoipa::path(get, path = "/events", operation_id = "listEvents", tag = "records",
+#[cfg_attr(test, utoipa::path(get, path = "/events", operation_id = "listEvents", tag = "records",
     params(("after" = Option<String>, Query, description = "`next` of an earlier answer: only the events that follow"),
         ("limit" = Option<usize>, Query, description = "at most as many; the loader keeps the newest 4096")),
-    responses((status = 200, body = EventPage), (status = 400, body = ErrorBody)))]
+    responses((status = 200, body = EventPage), (status = 400, body = ErrorBody))))]
 async fn events(
     State(state): State<ServerState>,
     Query(query): Query<EventsQuery>,
@@ -79,13 +80,13 @@ struct HistoryQuery {
 /// seconds, or those after a position. Ask with the `next` of the last answer to follow them without a gap, at the full
 /// rate of the monitors; `limit=0` gives the position of now. The loader keeps the newest 65536 records, also of
 /// commands that have been unloaded.
-#[utoipa::path(get, path = "/history", operation_id = "getHistory", tag = "values",
+#[cfg_attr(test, utoipa::path(get, path = "/history", operation_id = "getHistory", tag = "values",
     params(("ports" = Option<String>, Query,
             description = "patterns such as `line/move.pose,*/ik.joints[2]`; without, all monitored values"),
         ("after" = Option<String>, Query, description = "`next` of an earlier answer: only the values that follow"),
         ("seconds" = Option<f64>, Query, description = "only this long before the newest value"),
         ("limit" = Option<usize>, Query, description = "at most as many values, up to 10000; 1000 by default")),
-    responses((status = 200, body = HistoryPage), (status = 400, body = ErrorBody)))]
+    responses((status = 200, body = HistoryPage), (status = 400, body = ErrorBody))))]
 async fn history(
     State(state): State<ServerState>,
     Query(query): Query<HistoryQuery>,
@@ -101,15 +102,15 @@ async fn history(
 }
 
 /// Lists the incident files, oldest first.
-#[utoipa::path(get, path = "/incidents", operation_id = "listIncidents", tag = "records",
-    responses((status = 200, body = Vec<IncidentView>), (status = 500, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/incidents", operation_id = "listIncidents", tag = "records",
+    responses((status = 200, body = Vec<IncidentView>), (status = 500, body = ErrorBody))))]
 async fn incidents(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     reading(state, Service::incidents).await
 }
 
 /// Writes the last seconds of the flight recorder to a file.
-#[utoipa::path(post, path = "/incidents", operation_id = "recordIncident", tag = "records",
-    responses((status = 200, body = WrittenIncident), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(post, path = "/incidents", operation_id = "recordIncident", tag = "records",
+    responses((status = 200, body = WrittenIncident), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody))))]
 async fn incident(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
@@ -118,11 +119,11 @@ async fn incident(
 }
 
 /// Downloads an incident file. `range: bytes=N-` continues a download that was interrupted.
-#[utoipa::path(get, path = "/incidents/{file}", operation_id = "downloadIncident", tag = "records",
+#[cfg_attr(test, utoipa::path(get, path = "/incidents/{file}", operation_id = "downloadIncident", tag = "records",
     params(("file" = String, Path, description = "name of the file: the last part of the path in the list")),
     responses((status = 200, description = "The file.", body = [u8], content_type = "application/octet-stream"),
         (status = 206, description = "The rest of the file.", body = [u8], content_type = "application/octet-stream"),
-        (status = 400, body = ErrorBody), (status = 404, body = ErrorBody)))]
+        (status = 400, body = ErrorBody), (status = 404, body = ErrorBody))))]
 async fn download(
     State(state): State<ServerState>,
     Path(name): Path<String>,

@@ -183,12 +183,19 @@ pub(super) fn too_many_streams(limits: QuotaLimits, what: &str) -> ApiError {
     )
 }
 
+/// Work for a request. Boxed, so that its way to a blocking thread is compiled once and not for each route.
+type Work<T> = Box<dyn FnOnce(&Service) -> Result<T, ApiError> + Send>;
+
 /// Runs `what` on a blocking thread.
-pub(super) async fn blocking<T: Send + 'static>(
+pub(super) fn blocking<T: Send + 'static>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<T, ApiError> {
-    tokio::task::spawn_blocking(move || what(&state.service))
+) -> impl Future<Output = Result<T, ApiError>> {
+    run(state, Box::new(what))
+}
+
+async fn run<T: Send + 'static>(state: ServerState, work: Work<T>) -> Result<T, ApiError> {
+    tokio::task::spawn_blocking(move || work(&state.service))
         .await
         .unwrap_or_else(|panic| {
             Err(ApiError::new(
@@ -200,27 +207,37 @@ pub(super) async fn blocking<T: Send + 'static>(
 }
 
 /// As [`blocking`]; the result is also serialized to JSON there.
-pub(super) async fn answering<T: Serialize>(
+pub(super) fn answering<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<Response, ErrorResponse> {
-    let bytes = blocking(state, |service| written(&what(service)?)).await?;
-    Ok(bodies::answer(bytes))
+) -> impl Future<Output = Result<Response, ErrorResponse>> {
+    answer(state, Box::new(move |service| written(&what(service)?)))
+}
+
+async fn answer(state: ServerState, work: Work<Vec<u8>>) -> Result<Response, ErrorResponse> {
+    Ok(bodies::answer(run(state, work).await?))
 }
 
 /// As [`answering`], for requests that read command files.
-pub(super) async fn reading<T: Serialize>(
+pub(super) fn reading<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
+) -> impl Future<Output = Result<Response, ErrorResponse>> {
+    answer_in_turn(state, Box::new(move |service| written(&what(service)?)))
+}
+
+async fn answer_in_turn(
+    state: ServerState,
+    work: Work<Vec<u8>>,
 ) -> Result<Response, ErrorResponse> {
     let peer = PEER.try_with(|peer| *peer);
     let turn = state.reading.take(peer.unwrap_or(NO_PEER)).await;
-    answering(state, move |service| {
+    let work = Box::new(move |service: &Service| {
         // Passed on when the files are read, even if nobody waits for the answer any more.
         let _turn = turn;
-        what(service)
-    })
-    .await
+        work(service)
+    });
+    answer(state, work).await
 }
 
 pub(super) fn written<T: Serialize>(value: &T) -> Result<Vec<u8>, ApiError> {

@@ -5,13 +5,13 @@ use axum::body::Bytes;
 use axum::extract::{Extension, Path, State};
 use axum::response::Response;
 use axum::routing::{get, post};
+#[cfg(test)]
 use rcc_api::bodies::{
     ErrorBody, LeaseBody, LeaseCommands, LeaseDone, LeaseGranted, RuleNumber, RuleView, RulesBody,
     RulesInstalled,
 };
 use rcc_api::codes;
 use rcc_api::error::ApiError;
-use utoipa::OpenApi;
 
 use super::ServerState;
 use super::requests::{answering, json};
@@ -20,7 +20,8 @@ use crate::server::error::ErrorResponse;
 use crate::server::service::Service;
 
 /// The part of the OpenAPI document about these routes.
-#[derive(OpenApi)]
+#[cfg(test)]
+#[derive(utoipa::OpenApi)]
 #[openapi(paths(install, list, detail, remove, grant, renew, bind, end))]
 pub(super) struct RulesDocument;
 
@@ -46,9 +47,9 @@ fn number(what: &str, text: &str) -> Result<u64, ApiError> {
 }
 
 /// Installs rules: all of them between the same two cycles, or none. Conditions that are true now fire in that cycle.
-#[utoipa::path(post, path = "/rules", operation_id = "installRules", tag = "rules", request_body(content = RulesBody),
+#[cfg_attr(test, utoipa::path(post, path = "/rules", operation_id = "installRules", tag = "rules", request_body(content = RulesBody),
     responses((status = 200, body = RulesInstalled), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
-        (status = 409, body = ErrorBody), (status = 422, body = ErrorBody)))]
+        (status = 409, body = ErrorBody), (status = 422, body = ErrorBody))))]
 async fn install(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
@@ -61,15 +62,15 @@ async fn install(
 }
 
 /// Lists all rules, sorted by number; ended ones stay until their place is needed.
-#[utoipa::path(get, path = "/rules", operation_id = "listRules", tag = "rules",
-    responses((status = 200, body = Vec<RuleView>), (status = 503, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/rules", operation_id = "listRules", tag = "rules",
+    responses((status = 200, body = Vec<RuleView>), (status = 503, body = ErrorBody))))]
 async fn list(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::rules).await
 }
 
 /// Returns one rule.
-#[utoipa::path(get, path = "/rules/{rule}", operation_id = "getRule", tag = "rules", params(("rule" = u64, Path, description = "number of the rule")),
-    responses((status = 200, body = RuleView), (status = 404, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(get, path = "/rules/{rule}", operation_id = "getRule", tag = "rules", params(("rule" = u64, Path, description = "number of the rule")),
+    responses((status = 200, body = RuleView), (status = 404, body = ErrorBody))))]
 async fn detail(
     State(state): State<ServerState>,
     Path(rule): Path<String>,
@@ -78,8 +79,8 @@ async fn detail(
 }
 
 /// Removes a rule; one that could still fire is disarmed.
-#[utoipa::path(delete, path = "/rules/{rule}", operation_id = "removeRule", tag = "rules", params(("rule" = u64, Path, description = "number of the rule")),
-    responses((status = 200, body = RuleNumber), (status = 404, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(delete, path = "/rules/{rule}", operation_id = "removeRule", tag = "rules", params(("rule" = u64, Path, description = "number of the rule")),
+    responses((status = 200, body = RuleNumber), (status = 404, body = ErrorBody))))]
 async fn remove(
     State(state): State<ServerState>,
     Path(rule): Path<String>,
@@ -92,8 +93,8 @@ async fn remove(
 }
 
 /// Grants a lease: the client counts as present until it expires, and as long as it is renewed.
-#[utoipa::path(post, path = "/leases", operation_id = "grantLease", tag = "rules", request_body(content = LeaseBody),
-    responses((status = 200, body = LeaseGranted), (status = 400, body = ErrorBody), (status = 409, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(post, path = "/leases", operation_id = "grantLease", tag = "rules", request_body(content = LeaseBody),
+    responses((status = 200, body = LeaseGranted), (status = 400, body = ErrorBody), (status = 409, body = ErrorBody))))]
 async fn grant(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
@@ -106,8 +107,8 @@ async fn grant(
 }
 
 /// Renews a lease.
-#[utoipa::path(post, path = "/leases/{lease}/renew", operation_id = "renewLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
-    responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(post, path = "/leases/{lease}/renew", operation_id = "renewLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
+    responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody))))]
 async fn renew(
     State(state): State<ServerState>,
     Path(lease): Path<String>,
@@ -120,9 +121,9 @@ async fn renew(
 }
 
 /// Binds ready or active commands to a lease: when it is lost, they are cancelled, or aborted if they cannot be.
-#[utoipa::path(post, path = "/leases/{lease}/commands", operation_id = "bindLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
+#[cfg_attr(test, utoipa::path(post, path = "/leases/{lease}/commands", operation_id = "bindLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
     request_body(content = LeaseCommands),
-    responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+    responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody))))]
 async fn bind(
     State(state): State<ServerState>,
     Path(lease): Path<String>,
@@ -136,8 +137,8 @@ async fn bind(
 }
 
 /// Ends a lease now, as if it had expired.
-#[utoipa::path(delete, path = "/leases/{lease}", operation_id = "endLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
-    responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody)))]
+#[cfg_attr(test, utoipa::path(delete, path = "/leases/{lease}", operation_id = "endLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
+    responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody))))]
 async fn end(
     State(state): State<ServerState>,
     Path(lease): Path<String>,

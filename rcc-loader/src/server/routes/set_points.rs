@@ -8,9 +8,11 @@ use axum::body::{Body, Bytes};
 use axum::extract::{Extension, Path, State};
 use axum::response::Response;
 use http_body_util::BodyExt;
+#[cfg(test)]
 use rcc_api::bodies::ErrorBody;
 use rcc_api::codes;
 use rcc_api::error::ApiError;
+#[cfg(test)]
 use rcc_api::streams::ChannelEnd;
 use serde::Deserialize;
 
@@ -55,7 +57,7 @@ enum AnswerKind {
 /// takes effect in the next cycle, and older ones that no cycle has seen are superseded. Send the body in chunks
 /// (`transfer-encoding: chunked`), and end it to close the channel. The answer begins at once and has lines of JSON:
 /// `{id, net}` first, `{line, error}` for each line that was refused, and at last what became of all lines.
-#[utoipa::path(post, path = "/commands/{name}/inputs/stream", operation_id = "openSetPointChannel", tag = "values",
+#[cfg_attr(test, utoipa::path(post, path = "/commands/{name}/inputs/stream", operation_id = "openSetPointChannel", tag = "values",
     params(("name" = String, Path, description = "id or name"),
         ("answers" = Option<String>, Query,
             description = "`errors` (default), or `all`: also `{line, cycle}` for each set of values that took effect")),
@@ -66,7 +68,7 @@ enum AnswerKind {
             content_type = "application/x-ndjson"),
         (status = 404, description = "no such command", body = ErrorBody),
         (status = 409, description = "the command takes no values", body = ErrorBody),
-        (status = 429, description = "too many channels", body = ErrorBody)))]
+        (status = 429, description = "too many channels", body = ErrorBody))))]
 pub(super) async fn set_points(
     State(state): State<ServerState>,
     Path(name): Path<String>,

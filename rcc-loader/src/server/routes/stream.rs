@@ -3,8 +3,8 @@
 
 use axum::extract::{Extension, State};
 use axum::response::Response;
-use rcc_api::bodies::ErrorBody;
-use rcc_api::streams::StreamValues;
+#[cfg(test)]
+use rcc_api::{bodies::ErrorBody, streams::StreamValues};
 use serde::Deserialize;
 
 use super::interface::Query;
@@ -55,7 +55,7 @@ pub(super) struct StreamQuery {
 /// client was too slow for). A name stands for the newest command of that
 /// name, also for one that is loaded later; `#7` and `line#7` stand for one command, and a stream of nothing but such ports
 /// ends with `end` when all of these commands have ended. A net is sent only if it was evaluated since the last sample.
-#[utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
+#[cfg_attr(test, utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
     params(("ports" = Option<String>, Query, description = "patterns such as `belt/soft.out,line/ik.*`"),
         ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to the rate of the cell; 10 by default; two clients at a time may ask for more than 250. States and values of monitors are looked at 50 times a second, or at this rate up to 250 if it is higher"),
         ("monitors" = Option<String>, Query,
@@ -67,7 +67,7 @@ pub(super) struct StreamQuery {
             content_type = "text/event-stream"),
         (status = 400, description = "no subject, or no possible rate", body = ErrorBody),
         (status = 404, description = "no such net or port", body = ErrorBody),
-        (status = 429, description = "too many streams", body = ErrorBody)))]
+        (status = 429, description = "too many streams", body = ErrorBody))))]
 pub(super) async fn stream(
     State(state): State<ServerState>,
     Query(query): Query<StreamQuery>,

@@ -117,8 +117,11 @@ impl<'a> Barrier<'a> {
 
     /// Newton steps for one μ.
     fn newton(&mut self, mu: f64) {
+        let Some(mut objective) = self.objective(&self.law, self.theta, mu) else {
+            return;
+        };
         for _ in 0..STEPS {
-            let Some(decrease) = self.newton_step(mu) else {
+            let Some(decrease) = self.newton_step(mu, &mut objective) else {
                 return;
             };
             self.steps += 1;
@@ -128,9 +131,9 @@ impl<'a> Barrier<'a> {
         }
     }
 
-    /// One step; returns the expected decrease, `None` if no part of the step decreases the objective.
-    fn newton_step(&mut self, mu: f64) -> Option<f64> {
-        let before = self.objective(&self.law, self.theta, mu)?;
+    /// One step, from this objective to a lesser one; returns the expected decrease, `None` if no part of the step
+    /// decreases the objective.
+    fn newton_step(&mut self, mu: f64, objective: &mut f64) -> Option<f64> {
         self.linearise(mu);
         let gradient = self.step.clone();
         let hessian = self.matrix.clone();
@@ -145,7 +148,7 @@ impl<'a> Barrier<'a> {
             if decrease.is_nan() || decrease <= 0.0 {
                 return None;
             }
-            if self.search_along(before, decrease, mu) {
+            if self.search_along(objective, decrease, mu) {
                 // The decrease of a damped step says nothing about the distance from the optimum.
                 return Some(if damping > DAMPINGS[0] {
                     f64::INFINITY
@@ -158,7 +161,7 @@ impl<'a> Barrier<'a> {
     }
 
     /// Takes the greatest part of the step that decreases the objective enough; false if there is none.
-    fn search_along(&mut self, before: f64, decrease: f64, mu: f64) -> bool {
+    fn search_along(&mut self, objective: &mut f64, decrease: f64, mu: f64) -> bool {
         let mut part = 1.0;
         let mut law = self.law.clone();
         while part > PART_MIN {
@@ -169,9 +172,10 @@ impl<'a> Barrier<'a> {
                 *new = old - part * step;
             }
             let theta = self.theta - part * self.step.last().copied().unwrap_or(0.0);
-            let objective = self.objective(&law, theta, mu);
-            if objective.is_some_and(|objective| objective <= before - 1e-4 * part * decrease) {
-                (self.law, self.theta) = (law, theta);
+            if let Some(less) = self.objective(&law, theta, mu)
+                && less <= *objective - 1e-4 * part * decrease
+            {
+                (self.law, self.theta, *objective) = (law, theta, less);
                 return true;
             }
             part *= 0.5;
@@ -213,14 +217,14 @@ impl<'a> Barrier<'a> {
         let intervals = self.law.intervals();
         let (decay, bases) = (decay(self.theta), Self::bases(&self.law));
         let stretch = |interval: usize| {
-            let mut most = 0.05_f64;
+            let mut most = 0.0_f64;
             for basis in &bases {
                 self.fractions(self.law.at(interval, basis), decay, |fraction| {
-                    // As if each value were a third derivative: the least stretch.
-                    most = most.max(libm::cbrt(fraction.value.abs()));
+                    most = most.max(fraction.value.abs());
                 });
             }
-            most
+            // As if each value were a third derivative: the least stretch.
+            libm::cbrt(most).max(0.05)
         };
         let raw: Vec<f64> = (0..intervals).map(stretch).collect();
         let near = |number: usize| number.saturating_sub(SIDE)..(number + SIDE + 1).min(intervals);

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use super::*;
 use crate::driver::axis_settings::DrivePlace;
+use crate::sim::drive::DriveSettings;
 use crate::sim::drive::{Drive, DriveState};
-use crate::sim::drive_objects::DriveSettings;
 
 const PERIOD: Duration = Duration::from_millis(1);
 const COUNTS_PER_RAD: f64 = 1e6;

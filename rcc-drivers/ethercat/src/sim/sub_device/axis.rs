@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use super::SubDevice;
-use crate::sim::drive::Drive;
-use crate::sim::drive_objects::{self, DriveSettings};
+use crate::sim::drive::{Drive, DriveSettings};
+use crate::sim::drive_objects;
 use crate::sim::state_machine::State;
 
 impl SubDevice {

@@ -18,8 +18,6 @@
 use bytemuck::{Pod, Zeroable};
 use rcc_os::wide::{WideWork, with_wide_vectors};
 
-use crate::net::Net;
-
 pub mod version_1;
 
 pub use version_1::WordChecksum;
@@ -161,15 +159,12 @@ pub enum RecordedHash {
 }
 
 impl RecordedHash {
-    /// Returns true if it is the hash of this net.
+    /// Returns true if it is the hash of a net with these arenas (reals, Bools, Ints) and this hash of version 2.
     #[must_use]
-    pub fn is_of(self, net: &Net) -> bool {
+    pub fn is_of(self, (reals, bools, ints): (&[f64], &[u8], &[i64]), hash: u64) -> bool {
         match self {
-            RecordedHash::Version1(recorded) => {
-                let (reals, bools, ints) = net.arenas();
-                version_1::hash(reals, bools, ints) == recorded
-            }
-            RecordedHash::Version2(recorded) => net.hash() == recorded,
+            RecordedHash::Version1(recorded) => version_1::hash(reals, bools, ints) == recorded,
+            RecordedHash::Version2(recorded) => hash == recorded,
         }
     }
 }
