@@ -7,13 +7,14 @@ use std::time::Duration;
 use rcc_bench::formulas::{FORMULAS, net_of};
 use rcc_bench::instance::cell;
 use rcc_bench::measure::{Effort, MeasuredSubject, TimeStats, alternate};
-use rcc_core::cycle::cycle;
+use rcc_core::cycle::{ReadyRun, cycle};
 use rcc_core::frame::Frame;
 use rcc_language::{Compiled, compile_for};
 
 /// A compiled net in virtual time, without devices.
 struct Running {
     net: Compiled,
+    runs: Box<[ReadyRun]>,
     reals: Vec<f64>,
     bools: Vec<u8>,
     ints: Vec<i64>,
@@ -24,6 +25,7 @@ impl Running {
     fn new(formulas: bool) -> Running {
         let net = compile_for(&net_of(formulas), "formulas.yaml", &cell()).expect("a net");
         Running {
+            runs: net.plan.ready_runs(),
             reals: net.plan.reals.clone(),
             bools: net.plan.bools.clone(),
             ints: net.plan.ints.clone(),
@@ -49,7 +51,7 @@ impl Running {
             outcome: 0,
             motion_failed: false,
         };
-        cycle(&self.net.plan.plan(), &mut frame);
+        cycle(&self.net.plan.schedule(&self.runs), &mut frame);
         self.cycles = frame.cycle;
     }
 

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use bytemuck::Zeroable;
-use rcc_core::cycle::cycle;
+use rcc_core::cycle::{ReadyRun, cycle};
 use rcc_core::frame::{DeviceInput, DeviceModel, Frame};
 use rcc_core::guard::JointLimits;
 use rcc_core::message::Measurement;
@@ -93,6 +93,7 @@ struct ResultSlots {
 pub struct GraphInstance {
     /// The compiled net.
     pub net: Compiled,
+    runs: Box<[ReadyRun]>,
     reals: Vec<f64>,
     bools: Vec<u8>,
     ints: Vec<i64>,
@@ -132,6 +133,7 @@ impl GraphInstance {
         });
         Ok(GraphInstance {
             slots: slots.collect(),
+            runs: net.plan.ready_runs(),
             reals: net.plan.reals.clone(),
             bools: net.plan.bools.clone(),
             ints: net.plan.ints.clone(),
@@ -170,7 +172,7 @@ impl GraphInstance {
             outcome: 0,
             motion_failed: false,
         };
-        cycle(&self.net.plan.plan(), &mut frame);
+        cycle(&self.net.plan.schedule(&self.runs), &mut frame);
         self.cycles = frame.cycle;
     }
 

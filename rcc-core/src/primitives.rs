@@ -12,6 +12,7 @@ mod bits;
 mod curves;
 mod devices;
 mod filters;
+pub(crate) mod frequent;
 mod logic;
 mod motion;
 mod nets;
@@ -135,7 +136,7 @@ pub fn kernel(number: u16) -> Option<(&'static CatalogueEntry, &'static Kernel)>
 /// A kernel's function: evaluates all primitives of a run.
 pub type RunKernel = fn(&mut Frame<'_>, operands: &[u32]);
 
-/// Kernel functions by kernel number: the cycle finds a kernel with one lookup instead of four.
+/// Kernel functions by kernel number.
 static RUNS: [RunKernel; CATALOGUE.len() * KERNELS_MAX] = runs();
 
 // Evaluated at compile time: an index out of bounds does not compile.
@@ -156,12 +157,10 @@ const fn runs() -> [RunKernel; CATALOGUE.len() * KERNELS_MAX] {
 /// The function of a number without a kernel.
 fn nothing(_: &mut Frame<'_>, _: &[u32]) {}
 
-/// Runs the kernel with this number; does nothing if it does not exist.
-#[inline]
-pub fn run(number: u16, frame: &mut Frame<'_>, operands: &[u32]) {
-    if let Some(run) = RUNS.get(usize::from(number)) {
-        run(frame, operands);
-    }
+/// The function of the kernel with this number; one that does nothing if it does not exist.
+#[must_use]
+pub fn function(number: u16) -> RunKernel {
+    RUNS.get(usize::from(number)).copied().unwrap_or(nothing)
 }
 
 /// Version of the time laws of motions. It is to be changed with every change of a set-point of a motion, so that an incident

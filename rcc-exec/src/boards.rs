@@ -1,6 +1,6 @@
 //! The boards of devices in shared memory, as the engine uses them. Real-time thread.
 
-use rcc_core::message::{CommandImage, Measurement};
+use rcc_core::message::{CommandHead, Measurement, SetPoint};
 use rcc_engine::boards::DeviceBoards;
 use rcc_ipc::{BoardReader, CommandWriter};
 
@@ -13,13 +13,13 @@ impl DeviceBoards for SharedMemory {
     type SetPoints = CommandWriter;
 
     #[inline]
-    fn read(board: &BoardReader<Measurement>) -> Measurement {
-        board.read()
+    fn read(board: &BoardReader<Measurement>, place: &mut Measurement) {
+        board.read_into(place);
     }
 
     #[inline]
-    fn write(board: &mut CommandWriter, image: &CommandImage) {
-        board.write(image);
+    fn write(board: &mut CommandWriter, head: &CommandHead, point: &SetPoint) {
+        board.write_point(head, point);
     }
 }
 

@@ -1,4 +1,5 @@
-//! The real-time loop: wait, latch boards, run the cycle, write boards. It sleeps only at the top of the loop.
+//! The real-time loop: wait, latch boards, run the cycle, which writes the set-points, write the other boards. It sleeps
+//! only at the top of the loop.
 //!
 //! All of its data was allocated before the first cycle or arrives through a ring buffer.
 
@@ -94,12 +95,11 @@ fn follow(clock: &mut Clock, engine: &mut Engine, now_ns: u64) {
     engine.set_clock(clock.status());
 }
 
-/// Writes the results of the cycle to the boards.
+/// Writes the results of the cycle to the boards; the set-points are written already.
 pub fn write(engine: &mut Engine, boards: &mut Boards) {
-    engine.write_set_points();
     boards.status.write(engine.status());
-    if engine.take_tables_due() {
-        boards.tables.write(&engine.tables());
+    if let Some(tables) = engine.tables_due() {
+        boards.tables.write(tables);
         boards.helpers.write(&helper_table(&boards.beats));
     }
     if engine.timing_due() {

@@ -4,7 +4,7 @@
 use std::convert::Infallible;
 use std::fmt::Debug;
 
-use rcc_core::message::{CommandImage, Measurement};
+use rcc_core::message::{CommandHead, CommandImage, Measurement, SetPoint};
 
 /// A kind of boards. Its functions neither allocate nor lock nor call the system.
 pub trait DeviceBoards: Debug {
@@ -13,11 +13,11 @@ pub trait DeviceBoards: Debug {
     /// Writer of the set-points for a device; created before the first cycle.
     type SetPoints: Debug;
 
-    /// Returns the newest measurement.
-    fn read(board: &Self::Measurements) -> Measurement;
+    /// Copies the newest measurement to `place`.
+    fn read(board: &Self::Measurements, place: &mut Measurement);
 
-    /// Writes the newest set-point of `image` and its head.
-    fn write(board: &mut Self::SetPoints, image: &CommandImage);
+    /// Writes the newest set-point and its head.
+    fn write(board: &mut Self::SetPoints, head: &CommandHead, point: &SetPoint);
 }
 
 /// Virtual time: no board is ever attached. Who runs the cycles passes measurements to
@@ -28,11 +28,14 @@ pub enum VirtualBoards {}
 
 impl DeviceBoards for VirtualBoards {
     type Measurements = Infallible;
-    type SetPoints = ();
+    type SetPoints = Box<CommandImage>;
 
-    fn read(board: &Infallible) -> Measurement {
+    fn read(board: &Infallible, _: &mut Measurement) {
         match *board {}
     }
 
-    fn write(_: &mut (), _: &CommandImage) {}
+    fn write(image: &mut Box<CommandImage>, head: &CommandHead, point: &SetPoint) {
+        image.head = *head;
+        image.keep(head.sequence, *point);
+    }
 }

@@ -1,9 +1,8 @@
-//! The work of one cycle of the real-time thread, without clock, boards and sleep: tests run the same code in virtual
-//! time. Owns the command table, every running net and the commands of every device.
+//! The work of one cycle of the real-time thread, without clock and sleep: tests run the same code in virtual time. Owns the command table, every running net and the commands of every device.
 //!
 //! Order within a cycle: latch inputs (by the caller, into [`Engine::latch`]) → requests → conditions of rules → values
 //! between nets → hand-overs, first that of a request, then those of rules → nets →
-//! guard → command images and tables → records. Nothing here allocates, locks, formats or calls the system.
+//! guard → set-points → records. Nothing here allocates, locks, formats or calls the system.
 #![cfg_attr(
     not(test),
     deny(
@@ -91,6 +90,8 @@ pub struct Engine<B: DeviceBoards = VirtualBoards> {
     rules: Box<RuleTable>,
     leases: Box<LeaseTable>,
     status: CycleStatus,
+    /// The tables as last published.
+    published: Box<Tables>,
     tables_changed: bool,
     next_id: u64,
     next_engagement: u64,
@@ -103,8 +104,15 @@ pub struct Engine<B: DeviceBoards = VirtualBoards> {
 impl Engine {
     /// Allocates all memory of an engine in virtual time.
     pub fn new(config: EngineConfig, rings: RtRingEnds) -> Engine {
-        let set_points = vec![(); config.models.len()];
+        let image = || Box::new(CommandImage::new(config.incarnation, config.period_ns));
+        let set_points = config.models.iter().map(|_| image()).collect();
         Engine::with_boards(config, rings, set_points)
+    }
+
+    /// The command image of a device, which its driver reads.
+    pub fn image(&self, device: usize) -> Option<&CommandImage> {
+        let (_, device) = self.devices.get(device)?;
+        Some(device.set_points())
     }
 }
 
@@ -135,6 +143,7 @@ impl<B: DeviceBoards> Engine<B> {
             rules: RuleTable::new(config.first_id),
             leases: Box::new(LeaseTable::new(config.first_id)),
             status,
+            published: bytemuck::zeroed_box(),
             tables_changed: true,
             next_id: config.first_id,
             next_engagement: 1,
@@ -190,10 +199,24 @@ impl<B: DeviceBoards> Engine<B> {
         Some(&self.commands[row].entry)
     }
 
-    /// Returns true if the tables must be written now: they changed since the last call, or it is time.
-    pub fn take_tables_due(&mut self) -> bool {
-        std::mem::take(&mut self.tables_changed)
-            || self.status.cycle.is_multiple_of(self.tables_every)
+    /// The tables, as [`Engine::tables`], if they must be written now: they changed since the last call, or it is time.
+    /// Rows that were and are free are not copied.
+    pub fn tables_due(&mut self) -> Option<&Tables> {
+        let changed = std::mem::take(&mut self.tables_changed);
+        if !changed && !self.status.cycle.is_multiple_of(self.tables_every) {
+            return None;
+        }
+        let tables = &mut *self.published;
+        (tables.magic, tables.cycle) = (MAGIC, self.status.cycle);
+        for (place, row) in tables.commands.iter_mut().zip(self.commands.rows()) {
+            if place.id != 0 || row.entry.id != 0 {
+                *place = row.entry;
+            }
+        }
+        for (place, (_, device)) in tables.devices.iter_mut().zip(self.devices.iter()) {
+            *place = device.entry;
+        }
+        Some(tables)
     }
 
     /// The measurement of a device that was latched for this cycle; `None` while the device is lost.
@@ -205,11 +228,6 @@ impl<B: DeviceBoards> Engine<B> {
     /// Sets the source of the cycles' time, for the status board.
     pub fn set_clock(&mut self, clock: ClockStatus) {
         self.status.clock = clock;
-    }
-
-    /// The command image of a device, which its driver reads.
-    pub fn image(&self, device: usize) -> Option<&CommandImage> {
-        self.devices.get(device).map(|(_, device)| device.image())
     }
 
     /// Returns true if no net is active.
@@ -230,9 +248,10 @@ impl<B: DeviceBoards> Engine<B> {
     pub fn cycle(&mut self, now_ns: u64) {
         self.status.cycle += 1;
         self.status.stamp_ns = now_ns;
+        let changed = self.devices.take_changed();
         if let Some(recorder) = &mut self.recorder {
             let (_, inputs) = self.devices.slices();
-            recorder.begin(self.status.cycle, now_ns, inputs);
+            recorder.begin(self.status.cycle, now_ns, (inputs, changed));
         }
         self.time.begin(now_ns);
         for (_, device) in self.devices.iter_mut() {
@@ -246,10 +265,12 @@ impl<B: DeviceBoards> Engine<B> {
         let started = self.fire_rules(started, now_ns);
         for row in self.commands.busy.without(started).rows() {
             self.run_row(row, now_ns);
+            self.account_net(row);
         }
+        self.time.end_nets();
         self.select_next_timed_net();
         for (input, device) in self.devices.iter_mut() {
-            device.write_image(input, self.status.cycle, now_ns);
+            device.write_set_point(input, self.status.cycle, now_ns);
         }
         self.commands.remove_idle();
         self.status.running = self.commands.busy.count();

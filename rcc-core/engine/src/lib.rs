@@ -7,6 +7,7 @@
 pub mod boards;
 pub mod costs;
 pub mod engine;
+pub mod hash;
 pub mod incident;
 pub mod input;
 pub mod kernel_nets;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use rcc_core::cycle::ReadyRun;
 use rcc_core::frame::{ArmMotion, DeviceOutput};
 use rcc_core::message::Joints;
 use rcc_core::plan::{CheckedPlan, InputPoint, Plan, Rate, Resources};
@@ -12,10 +13,12 @@ use crate::input::{NetInputs, TopicSource};
 use crate::rows::RowIndex;
 use crate::snapshot::NetSnapshot;
 
+mod arena;
 mod build;
 mod evaluate;
 mod values;
 
+use arena::Arena;
 pub use evaluate::{Evaluation, RunTime};
 pub use values::monitor_record;
 
@@ -26,9 +29,7 @@ pub struct Net {
     // net back.
     data: Arc<PlanData>,
     checked: CheckedPlan,
-    reals: Box<[f64]>,
-    bools: Box<[u8]>,
-    ints: Box<[i64]>,
+    arena: Arena,
     motions: MotionSet,
     /// Conditions for which the start values were computed.
     start_conditions: StartConditions,
@@ -36,6 +37,10 @@ pub struct Net {
     outputs: Box<[DeviceOutput]>,
     /// By device: motion of the arm that the first evaluation takes over at a hand-over.
     arms: Box<[Option<ArmMotion>]>,
+    /// Bit d: it commands device d.
+    devices: u64,
+    /// The runs of the plan, with their kernels.
+    ready: Box<[ReadyRun]>,
     /// Number of primitives in each run.
     run_lengths: Box<[u32]>,
     /// Expected duration of one evaluation on this machine, ns; 0: not known.
@@ -96,8 +101,15 @@ impl Net {
     }
 
     /// The arenas: reals, bools, ints.
+    #[inline]
     pub fn arenas(&self) -> (&[f64], &[u8], &[i64]) {
-        (&self.reals, &self.bools, &self.ints)
+        self.arena.slices()
+    }
+
+    /// The hash of all slots, see [`crate::hash`].
+    #[inline]
+    pub fn hash(&self) -> u64 {
+        self.arena.hash()
     }
 
     /// Its motions.
@@ -107,21 +119,22 @@ impl Net {
 
     /// Restores a recorded state. Returns `None` and changes nothing if the sizes belong to another net.
     pub fn restore(&mut self, state: &NetSnapshot<'_>) -> Option<()> {
-        let fits = state.reals.len() == self.reals.len()
-            && state.ints.len() == self.ints.len()
-            && state.bools.len() == self.bools.len().div_ceil(8);
+        let arena = self.arena.slices_mut();
+        let fits = state.reals.len() == arena.reals.len()
+            && state.ints.len() == arena.ints.len()
+            && state.bools.len() == arena.bools.len().div_ceil(8);
         if !fits {
             return None;
         }
         self.motions.restore(state.motions)?;
-        for (place, word) in self.reals.iter_mut().zip(state.reals) {
+        for (place, word) in arena.reals.iter_mut().zip(state.reals) {
             *place = f64::from_bits(*word);
         }
-        for (place, word) in self.ints.iter_mut().zip(state.ints) {
+        for (place, word) in arena.ints.iter_mut().zip(state.ints) {
             *place = word.cast_signed();
         }
         let bytes = state.bools.iter().flat_map(|word| word.to_le_bytes());
-        for (place, byte) in self.bools.iter_mut().zip(bytes) {
+        for (place, byte) in arena.bools.iter_mut().zip(bytes) {
             *place = byte;
         }
         (self.cycles, self.cancel_requested) = (state.cycles, state.cancel);
@@ -131,6 +144,18 @@ impl Net {
     /// The resources that the net claims.
     pub fn resources(&self) -> &Resources {
         &self.checked.resources
+    }
+
+    /// The devices of which it claims anything, bit by bit.
+    #[inline]
+    pub fn devices(&self) -> u64 {
+        self.devices
+    }
+
+    /// The devices whose arm it claims, bit by bit.
+    #[inline]
+    pub fn arms(&self) -> u64 {
+        self.checked.resources.arms
     }
 
     /// Returns true if it has a `Cancel` primitive.
@@ -198,9 +223,10 @@ impl Net {
 
     /// Restores the state after `build`; staged values stay staged. Copies, does not allocate.
     pub fn reset(&mut self) {
-        self.reals.copy_from_slice(&self.data.reals);
-        self.bools.copy_from_slice(&self.data.bools);
-        self.ints.copy_from_slice(&self.data.ints);
+        let PlanData {
+            reals, bools, ints, ..
+        } = &*self.data;
+        self.arena.copy_from(reals, bools, ints);
         self.motions.reset();
         self.cycles = 0;
         self.cancel_requested = false;

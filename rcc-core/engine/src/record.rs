@@ -7,7 +7,6 @@
 //! from another net; at most one snapshot of a net per cycle, each net about once a second.
 
 pub mod entry;
-pub mod hash;
 pub mod ring;
 pub mod rule_entry;
 
@@ -19,12 +18,13 @@ use rcc_protocol::rules::{RULE_TERMS_MAX, Rule, RuleStatus};
 use rtrb::{Consumer, Producer};
 
 use crate::boards::DeviceBoards;
+use crate::hash;
 use crate::net::{Evaluation, Net};
 use crate::queue::EngineRequest;
-use crate::rows::{RowIndex, RowSet};
+use crate::rows::{RowIndex, RowSet, set_bits};
 use crate::rule_set::RuleSet;
 use entry::{
-    BEGINS, CANCEL, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
+    BEGINS, CANCEL, HASH_2, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
     prepared_again_flags,
 };
 use ring::RecordRing;
@@ -107,15 +107,6 @@ struct PendingTrigger {
     due_cycle: u64,
 }
 
-/// The state of a device as last written to the ring.
-#[derive(Clone, Copy, Debug)]
-struct WrittenInput {
-    present: bool,
-    words: [u64; MEASUREMENT_WORDS],
-    /// Written in this cycle already.
-    fresh: bool,
-}
-
 /// The flight recorder's part on the real-time thread.
 #[derive(Debug)]
 pub struct FlightRecorder {
@@ -123,7 +114,10 @@ pub struct FlightRecorder {
     spare: Option<Box<RecordRing>>,
     recordings: Producer<FrozenRecording>,
     spares: Consumer<Box<RecordRing>>,
-    devices: Box<[WrittenInput]>,
+    /// Bit d: device d is recorded.
+    devices: u64,
+    /// Bit d: the input of device d was written in this cycle already.
+    written: u64,
     /// Rows whose net is due for a snapshot.
     due: RowSet,
     snapshot_step: u64,
@@ -149,6 +143,8 @@ impl FlightRecorder {
         config: FlightRecorderConfig,
         devices: usize,
     ) -> (FlightRecorder, FlightRecorderHelper) {
+        // What vectors the processor has is found out by the first hash: here, not in a cycle.
+        hash::hash(&[], &[], [0; 3]);
         let period_ns = config.period_ns.max(1);
         let cycles = usize::try_from(config.span_ns / period_ns).unwrap_or(usize::MAX);
         let words = config.memory / 2 / size_of::<u64>();
@@ -161,15 +157,8 @@ impl FlightRecorder {
             ring,
             recordings: recording_in,
             spares,
-            devices: vec![
-                WrittenInput {
-                    present: false,
-                    words: [0; MEASUREMENT_WORDS],
-                    fresh: false,
-                };
-                devices.min(DEVICES_MAX)
-            ]
-            .into(),
+            devices: (0..devices.min(DEVICES_MAX)).fold(0, |bits, device| bits | 1 << device),
+            written: 0,
             due: RowSet::EMPTY,
             round_at: 0,
             snapshot_step: (SNAPSHOT_EVERY_NS / period_ns / COMMANDS_MAX as u64).max(1),
@@ -186,8 +175,9 @@ impl FlightRecorder {
         (recorder, FlightRecorderHelper { recordings, spare })
     }
 
-    /// Begins a cycle; `inputs` are the device inputs that its nets see.
-    pub fn begin(&mut self, cycle: u64, woke_ns: u64, inputs: &[DeviceInput]) {
+    /// Begins a cycle; `inputs` are the device inputs that its nets see, of which those in `changed` (bit d: device d)
+    /// are not those of the cycle before.
+    pub fn begin(&mut self, cycle: u64, woke_ns: u64, (inputs, changed): (&[DeviceInput], u64)) {
         (self.cycle, self.woke_ns, self.snapshot_taken) = (cycle, woke_ns, false);
         self.ring.begin_cycle();
         self.ring
@@ -201,28 +191,22 @@ impl FlightRecorder {
         if written.saturating_sub(self.round_at) > self.ring.capacity() as u64 / 4 {
             (self.due, self.round_at) = (RowSet::ALL, written);
         }
-        let all = std::mem::take(&mut self.ring_is_new);
-        for (index, (device, input)) in self.devices.iter_mut().zip(inputs).enumerate() {
-            let words: &[u64] = bytemuck::cast_slice(std::slice::from_ref(&input.measurement));
-            let same = device.present == input.present
-                && (!input.present || device.words.as_slice() == words);
-            device.fresh = !same || all;
-            if device.fresh {
-                device.present = input.present;
-                device.words.copy_from_slice(words);
-                push_input(&mut self.ring, index, device);
-            }
-        }
+        let all = match std::mem::take(&mut self.ring_is_new) {
+            true => u64::MAX,
+            false => 0,
+        };
+        self.written = 0;
+        self.write_inputs(changed | all, inputs);
     }
 
-    /// Writes all inputs that were not yet written in this cycle: a net can be replayed from here on.
-    fn write_missing_inputs(&mut self) {
-        for (index, device) in self.devices.iter_mut().enumerate() {
-            if !device.fresh {
-                device.fresh = true;
-                push_input(&mut self.ring, index, device);
+    /// Writes the inputs of these devices that were not yet written in this cycle.
+    fn write_inputs(&mut self, devices: u64, inputs: &[DeviceInput]) {
+        for index in set_bits(self.devices & devices & !self.written) {
+            if let Some(input) = inputs.get(index) {
+                push_input(&mut self.ring, index, input);
             }
         }
+        self.written |= devices;
     }
 
     /// Records that a request is executed or refused in this cycle.
@@ -264,7 +248,7 @@ impl FlightRecorder {
     }
 
     /// Records an evaluation.
-    pub fn net(&mut self, evaluated: EvaluationRecord<'_>) {
+    pub fn net(&mut self, evaluated: EvaluationRecord<'_>, inputs: &[DeviceInput]) {
         let EvaluationRecord {
             row,
             id,
@@ -275,29 +259,29 @@ impl FlightRecorder {
             dt_s,
         } = evaluated;
         if begins {
-            self.write_missing_inputs();
+            // A net can be replayed from here on.
+            self.write_inputs(u64::MAX, inputs);
             self.due.remove(row);
         }
         let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
-        let flags = flags | prepared_again_flags(net.prepared_again());
+        let flags = flags | HASH_2 | prepared_again_flags(net.prepared_again());
         let outcome = outcome_number(evaluation);
-        let (reals, bools, ints) = net.arenas();
         self.ring.push(&[
             head(RecordTag::Net, outcome, flags, 4),
             id,
             net.cycles,
             dt_s.to_bits(),
-            hash::hash(reals, bools, ints),
+            net.hash(),
         ]);
         let due = self.due.contains(row) && !self.snapshot_taken;
         if due && evaluation == Evaluation::Running {
             self.due.remove(row);
             self.snapshot_taken = true;
-            self.snapshot(id, net, flags & CANCEL);
+            self.snapshot((id, net), flags & CANCEL, inputs);
         }
     }
 
-    fn snapshot(&mut self, id: u64, net: &Net, flags: u16) {
+    fn snapshot(&mut self, (id, net): (u64, &Net), flags: u16, inputs: &[DeviceInput]) {
         let (reals, bools, ints) = net.arenas();
         let packed = bools.len().div_ceil(8);
         let words = 5 + reals.len() + ints.len() + packed + net.motions().words();
@@ -306,7 +290,7 @@ impl FlightRecorder {
             self.ring.push(&[head, id, words as u64]);
             return;
         }
-        self.write_missing_inputs();
+        self.write_inputs(u64::MAX, inputs);
         let lengths = [reals.len() as u64, ints.len() as u64, packed as u64];
         let [reals_len, ints_len, bools_len] = lengths;
         let head = head(RecordTag::Snapshot, 0, flags, words);
@@ -433,11 +417,12 @@ pub struct EvaluationRecord<'a> {
     pub dt_s: f64,
 }
 
-fn push_input(ring: &mut RecordRing, index: usize, device: &WrittenInput) {
+fn push_input(ring: &mut RecordRing, index: usize, input: &DeviceInput) {
     let index = index as u8;
-    if device.present {
+    if input.present {
+        let words: &[u64; MEASUREMENT_WORDS] = bytemuck::cast_ref(&input.measurement);
         ring.push(&[head(RecordTag::Input, index, 0, MEASUREMENT_WORDS)]);
-        ring.push(&device.words);
+        ring.push(words);
     } else {
         ring.push(&[head(RecordTag::Input, index, 0, 0)]);
     }

@@ -13,10 +13,10 @@ use rcc_core::types::Store;
 
 use rcc_protocol::control::Refusal;
 
+use crate::hash::real_word;
 use crate::net::{Evaluation, Net, NetOrigin};
 use crate::record::entry::RequestKind;
 use crate::record::entry::{NetSnapshot, RecordEntries, RecordEntry, UnknownRecord, input_of};
-use crate::record::hash::{hash, real_word};
 use rules::RuleReplay;
 pub use rules::RuleReplayResult;
 
@@ -329,7 +329,6 @@ impl NetReplay {
         }
         net.cancel_requested = cancel;
         let replayed = net.evaluate(source.models, inputs, dt_s);
-        let (reals, bools, ints) = net.arenas();
         let different = if replayed != evaluation {
             let recorded = evaluation;
             Some(MismatchKind::Evaluation { recorded, replayed })
@@ -337,7 +336,7 @@ impl NetReplay {
             let (recorded, replayed) = (cycles, net.cycles);
             Some(MismatchKind::Cycles { recorded, replayed })
         } else {
-            (hash(reals, bools, ints) != recorded).then_some(MismatchKind::Slots)
+            (!recorded.is_of(net.arenas(), net.hash())).then_some(MismatchKind::Slots)
         };
         let result = &mut self.result;
         result.compared += 1;
@@ -421,8 +420,8 @@ fn differs(
     let index = slot as usize;
     let (recorded, replayed) = match store {
         Store::Real => {
-            let recorded = f64::from_bits(*snapshot.reals.get(index)?);
-            (real_word(recorded), real_word(*reals.get(index)?))
+            let recorded = *snapshot.reals.get(index)?;
+            (real_word(recorded), real_word(reals.get(index)?.to_bits()))
         }
         Store::Int => (*snapshot.ints.get(index)?, ints.get(index)?.cast_unsigned()),
         Store::Bool => {

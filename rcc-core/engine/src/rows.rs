@@ -105,6 +105,12 @@ impl RowSet {
     }
 }
 
+/// The numbers of the bits that are set, in ascending order.
+#[inline]
+pub fn set_bits(bits: u64) -> impl Iterator<Item = usize> {
+    RowSet(bits).rows().map(RowIndex::number)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

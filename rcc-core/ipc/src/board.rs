@@ -78,6 +78,7 @@ pub struct BoardWriter<T: Pod> {
 impl<T: Pod> BoardWriter<T> {
     /// Publishes `value` as the newest value. Real-time safe: two copies of the value and one atomic addition. If the
     /// process dies during the call, readers keep the old value.
+    #[inline]
     pub fn write(&mut self, value: &T) {
         self.entry.update_with_copy(Shared(*value));
     }
@@ -113,6 +114,12 @@ impl<T: Pod> BoardReader<T> {
     #[must_use]
     pub fn read(&self) -> T {
         self.entry.get().0
+    }
+
+    /// As [`BoardReader::read`], and copies the value to `place`, once less.
+    #[inline]
+    pub fn read_into(&self, place: &mut T) {
+        *place = self.entry.get().0;
     }
 
     /// Returns the full name of the board.

@@ -16,12 +16,17 @@ const LENGTH: u32 = SET_POINTS as u32;
 pub struct CommandWriter(RingWriter<CommandHead, SetPoint>);
 
 impl CommandWriter {
-    /// Writes the newest set-point of `image` and its head. To be called once per cycle. Real-time safe.
+    /// Writes the newest set-point, of cycle `head.sequence`, and its head. To be called once per cycle. Real-time safe.
+    #[inline]
+    pub fn write_point(&mut self, head: &CommandHead, point: &SetPoint) {
+        self.0.write(head.sequence, point, head);
+    }
+
+    /// As [`CommandWriter::write_point`], with the newest set-point of an image.
     pub fn write(&mut self, image: &CommandImage) {
-        let number = image.head.sequence;
         // Nothing is written before the first cycle.
-        if let Some(point) = image.at(number) {
-            self.0.write(number, point, &image.head);
+        if let Some(point) = image.at(image.head.sequence) {
+            self.write_point(&image.head, point);
         }
     }
 

@@ -28,6 +28,7 @@ pub struct RingWriter<H: Pod, T: Pod> {
 
 impl<H: Pod, T: Pod> RingWriter<H, T> {
     /// Writes value `number`, replacing the value one ring length before it, and then the head. Real-time safe.
+    #[inline]
     pub fn write(&mut self, number: u64, value: &T, head: &H) {
         if let Some(place) = self.places.get(place(number, self.places.len())) {
             place.update_with_copy(Shared(*value));

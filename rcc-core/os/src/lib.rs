@@ -1,6 +1,6 @@
 //! Safe access to the operating system: the clocks, files whose path or content comes from others, private Unix sockets,
-//! processes that may be dead, and memory that is returned to the system. Runs on threads that are not real-time,
-//! except for the monotonic clock.
+//! processes that may be dead, memory that is returned to the system, and the vectors of the processor. Runs on threads that
+//! are not real-time, except for the monotonic clock and the vectors.
 
 pub mod clock;
 pub mod file;
@@ -8,3 +8,4 @@ pub mod memory;
 pub mod process_instance;
 pub mod socket;
 pub mod wall;
+pub mod wide;

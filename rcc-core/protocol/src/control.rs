@@ -1,6 +1,7 @@
 //! Requests and answers between loader and executor: the life cycle of figure 2 of the paper as calls. Plain data; used
 //! by the executor's intake thread and by the loader, never by the real-time thread.
 
+use rcc_core::cycle::{ReadyRun, Schedule};
 use rcc_core::plan::{
     Delay, InputPoint, KernelRun, MonitorPoint, NullRange, Plan, PlanRegion, PublishPoint, Rate,
     RunBlock, ValuePoint,
@@ -80,6 +81,26 @@ pub struct PlanData {
 }
 
 impl PlanData {
+    /// Looks up the kernels of the runs.
+    #[must_use]
+    pub fn ready_runs(&self) -> Box<[ReadyRun]> {
+        self.runs.iter().map(ReadyRun::of).collect()
+    }
+
+    /// Returns what a cycle does, with `runs` from [`PlanData::ready_runs`].
+    #[inline]
+    #[must_use]
+    pub fn schedule<'a>(&'a self, runs: &'a [ReadyRun]) -> Schedule<'a> {
+        Schedule {
+            runs,
+            operands: &self.operands,
+            blocks: &self.blocks,
+            regions: &self.regions,
+            blanks: &self.blanks,
+            delays: &self.delays,
+        }
+    }
+
     /// Returns the plan, borrowing these arrays.
     #[must_use]
     pub fn plan(&self) -> Plan<'_> {

@@ -6,14 +6,14 @@ use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
 use rcc_core::guard::{Guard, Violation, ViolationKind};
 use rcc_core::impedance::AXES;
 use rcc_core::message::{
-    CommandImage, DEVICES_MAX, DeviceEntry, DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC,
+    CommandHead, DEVICES_MAX, DeviceEntry, DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC,
     Measurement, SetPoint,
 };
 
 use super::{Engine, EngineConfig, SETTLE_MAX_NS};
 use crate::boards::DeviceBoards;
 use crate::queue::{EngineEvent, EngineReply};
-use crate::rows::RowIndex;
+use crate::rows::{RowIndex, set_bits};
 
 /// One device of the cell, without its model and its input: see [`Devices`].
 #[derive(Debug)]
@@ -29,8 +29,10 @@ pub(super) struct Device<B: DeviceBoards> {
     /// Guard and engagement before a hand-over is tried, to restore them if it is refused.
     before_handover: (Guard, Option<Engagement>),
     /// Commands of this cycle.
-    output: DeviceOutput,
-    image: Box<CommandImage>,
+    point: SetPoint,
+    /// A net has added commands to `point` in this cycle.
+    commanded: bool,
+    head: CommandHead,
     /// Its row of the published device table.
     pub(super) entry: DeviceEntry,
 }
@@ -61,6 +63,12 @@ pub(super) struct Devices<B: DeviceBoards> {
     models: Box<[DeviceModel]>,
     inputs: Box<[DeviceInput]>,
     devices: Box<[Device<B>]>,
+    /// Bit d: device d is offline.
+    offline: u64,
+    /// Bit d: the input of device d has changed since [`Devices::take_changed`].
+    changed: u64,
+    /// Room for a measurement that is read.
+    read: Box<Measurement>,
 }
 
 impl<B: DeviceBoards> Devices<B> {
@@ -72,7 +80,12 @@ impl<B: DeviceBoards> Devices<B> {
                 let guard = Guard::new(model.limits, model.first_tolerance_rad)
                     .with_impedance(model.impedance)
                     .with_workspace(model.arm, model.workspace);
-                let image = CommandImage::new(config.incarnation, config.period_ns);
+                let head = CommandHead {
+                    magic: MAGIC,
+                    executor: config.incarnation,
+                    period_ns: config.period_ns,
+                    ..CommandHead::zeroed()
+                };
                 Device {
                     index,
                     driver: None,
@@ -80,8 +93,9 @@ impl<B: DeviceBoards> Devices<B> {
                     before_handover: (guard.clone(), None),
                     guard,
                     engagement: None,
-                    output: DeviceOutput::NONE,
-                    image: Box::new(image),
+                    point: SetPoint::NONE,
+                    commanded: false,
+                    head,
                     entry: DeviceEntry::zeroed(),
                 }
             })
@@ -91,6 +105,9 @@ impl<B: DeviceBoards> Devices<B> {
             measurement: Measurement::zeroed(),
         };
         Devices {
+            offline: (0..devices.len()).fold(0, |bits, device| bits | 1 << device),
+            changed: 0,
+            read: Box::new(Measurement::zeroed()),
             models: config.models.iter().take(devices.len()).copied().collect(),
             inputs: vec![absent; devices.len()].into(),
             devices,
@@ -122,6 +139,11 @@ impl<B: DeviceBoards> Devices<B> {
         self.inputs.get(index).zip(self.devices.get_mut(index))
     }
 
+    /// The devices whose input has changed since the last call, bit by bit.
+    pub(super) fn take_changed(&mut self) -> u64 {
+        std::mem::take(&mut self.changed)
+    }
+
     /// State of a device as its driver reports it; offline if it is not present.
     pub(super) fn state(&self, index: usize) -> DeviceState {
         (self.inputs.get(index)).map_or(DeviceState::Offline, reported_state)
@@ -137,13 +159,21 @@ fn reported_state(input: &DeviceInput) -> DeviceState {
 }
 
 impl<B: DeviceBoards> Device<B> {
-    pub(super) fn image(&self) -> &CommandImage {
-        &self.image
+    pub(super) fn set_points(&self) -> &B::SetPoints {
+        &self.set_points
     }
 
     /// Discards the commands of the previous cycle.
     pub(super) fn begin_cycle(&mut self) {
-        self.output = DeviceOutput::NONE;
+        if std::mem::take(&mut self.commanded) {
+            self.point = SetPoint::NONE;
+        }
+    }
+
+    /// Adds the commands of a net to those of this cycle.
+    fn add(&mut self, output: &DeviceOutput) {
+        self.commanded = true;
+        merge(&mut self.point, output);
     }
 
     /// Remembers the state to which [`Device::undo_handover`] returns.
@@ -154,7 +184,7 @@ impl<B: DeviceBoards> Device<B> {
     /// Restores the state before the hand-over was tried.
     pub(super) fn undo_handover(&mut self) {
         (self.guard, self.engagement) = self.before_handover.clone();
-        self.output = DeviceOutput::NONE;
+        self.begin_cycle();
     }
 
     /// Ends the engagement of the net in `row`, if there is one.
@@ -214,24 +244,17 @@ impl<B: DeviceBoards> Device<B> {
         Ok(false)
     }
 
-    /// Adds the commands of this cycle to the image.
-    pub(super) fn write_image(&mut self, input: &DeviceInput, cycle: u64, now_ns: u64) {
-        self.image.head.seen = match input.present {
+    /// Writes the commands of this cycle to the board.
+    pub(super) fn write_set_point(&mut self, input: &DeviceInput, cycle: u64, now_ns: u64) {
+        let (head, point) = (&mut self.head, &mut self.point);
+        (head.sequence, head.stamp_ns) = (cycle, now_ns);
+        head.seen = match input.present {
             true => input.measurement.sequence,
             false => 0,
         };
-        let output = &self.output;
-        let point = SetPoint {
-            logical_ns: 0,
-            owner: self.engagement.map_or(0, |engagement| engagement.number),
-            has_position: u64::from(output.has_position),
-            position: output.position,
-            impedance: output.impedance,
-            digital: output.digital,
-            digital_commanded: output.digital_commanded,
-            analog: output.analog,
-        };
-        self.image.push(cycle, now_ns, point);
+        point.logical_ns = cycle.wrapping_mul(head.period_ns);
+        point.owner = self.engagement.map_or(0, |engagement| engagement.number);
+        B::write(&mut self.set_points, head, point);
     }
 }
 
@@ -239,19 +262,35 @@ impl<B: DeviceBoards> Engine<B> {
     /// Latches all devices from their boards.
     pub fn latch_boards(&mut self, now_ns: u64) {
         for index in 0..self.devices.len() {
-            let driver = (self.devices.get(index)).and_then(|(_, device)| device.driver.as_ref());
-            let newest = driver.map(|(incarnation, board)| (*incarnation, B::read(board)));
-            self.latch(index, newest, now_ns);
+            let Devices { devices, read, .. } = &mut self.devices;
+            let driver = devices.get(index).and_then(|device| device.driver.as_ref());
+            let newest = driver.map(|(incarnation, board)| {
+                B::read(board, read);
+                *incarnation
+            });
+            self.latch_read(index, newest, now_ns);
         }
     }
 
     /// Latches a device for this cycle: the incarnation of its driver and its newest measurement, or `None` without a
     /// board.
     pub fn latch(&mut self, index: usize, board: Option<(u64, Measurement)>, now_ns: u64) {
+        let newest = board.map(|(incarnation, measurement)| {
+            *self.devices.read = measurement;
+            incarnation
+        });
+        self.latch_read(index, newest, now_ns);
+    }
+
+    /// As [`Engine::latch`], with the measurement that was read.
+    fn latch_read(&mut self, index: usize, board: Option<u64>, now_ns: u64) {
         let Devices {
             models,
             inputs,
             devices,
+            offline,
+            changed,
+            read,
         } = &mut self.devices;
         let place = models.get(index).zip(inputs.get_mut(index));
         let Some(((model, input), device)) = place.zip(devices.get_mut(index)) else {
@@ -261,27 +300,34 @@ impl<B: DeviceBoards> Engine<B> {
         // A driver was restarted: the device is absent for one cycle, so that nets that commanded the previous
         // incarnation end, however quickly it was replaced. A net never continues with a restarted driver.
         let known = entry.incarnation;
-        let board = board.filter(|(incarnation, _)| known == 0 || known == *incarnation);
+        let board = board.filter(|incarnation| known == 0 || known == *incarnation);
         let before = std::mem::replace(&mut input.present, false);
         let (mut fresh, mut forward) = (false, true);
-        if let Some((_, measurement)) = board {
+        let mut same = true;
+        if board.is_some() {
+            let measurement = &mut **read;
             // Within one incarnation of a driver the sequence number of its exchanges never decreases.
             forward = known == 0 || measurement.sequence >= entry.sequence;
             // A stamp from the future is as bad as an old one: it would not age.
             let age_ns = now_ns.abs_diff(measurement.stamp_ns);
             fresh = measurement.magic == MAGIC && age_ns <= self.stale_after_ns;
-            input.measurement = measurement;
-            let plausible = is_plausible(&mut input.measurement, model.joints);
+            let plausible = is_plausible(measurement, model.joints);
+            same = bytemuck::bytes_of(measurement) == bytemuck::bytes_of(&input.measurement);
+            if !same {
+                input.measurement = *measurement;
+            }
             input.present = plausible && fresh && forward;
         }
+        let is_changed = before != input.present || (input.present && !same);
+        *changed |= u64::from(is_changed) << index;
         let (state, measurement) = (reported_state(input), &input.measurement);
         let holder = device.engagement;
         let holder = holder.map_or(0, |engagement| self.commands[engagement.row].entry.id);
         self.tables_changed |= entry.holder != holder;
         entry.holder = holder;
         entry.attached = u32::from(board.is_some());
-        let driver = board.map_or(known, |(incarnation, _)| incarnation);
-        entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
+        let driver = board.unwrap_or(known);
+        entry.incarnation = board.unwrap_or(0);
         // After a sequence number went back, the device stays lost until it reaches the old one, or its driver is
         // restarted.
         if forward {
@@ -293,6 +339,8 @@ impl<B: DeviceBoards> Engine<B> {
         if before && !input.present {
             entry.losses += 1;
         }
+        *offline &= !(1 << index);
+        *offline |= u64::from(state == DeviceState::Offline) << index;
         let was = std::mem::replace(&mut entry.state, state as u32);
         if was != state as u32 {
             self.tables_changed = true;
@@ -347,11 +395,11 @@ impl<B: DeviceBoards> Engine<B> {
         let Some(net) = &self.commands[row].net else {
             return Ok(());
         };
-        let arms = net.resources().arms;
-        for ((input, device), output) in self.devices.iter_mut().zip(net.outputs()) {
-            if arms >> device.index & 1 == 0 {
+        for index in set_bits(net.arms()) {
+            let place = self.devices.get_mut(index).zip(net.outputs().get(index));
+            let Some(((input, device), output)) = place else {
                 continue;
-            }
+            };
             let next = Engagement {
                 row,
                 number: self.next_engagement,
@@ -368,18 +416,22 @@ impl<B: DeviceBoards> Engine<B> {
 
     /// Adds the outputs of the net in `row` to the commands of this cycle.
     pub(super) fn merge_outputs(&mut self, row: RowIndex) {
-        if let Some(net) = &self.commands[row].net {
-            for ((_, device), output) in self.devices.iter_mut().zip(net.outputs()) {
-                merge(&mut device.output, output);
+        let Some(net) = &self.commands[row].net else {
+            return;
+        };
+        for index in set_bits(net.devices()) {
+            let place = self.devices.get_mut(index).zip(net.outputs().get(index));
+            if let Some(((_, device), output)) = place {
+                device.add(output);
             }
         }
     }
 
     /// The first device that the net in `row` uses and that is offline.
     pub(super) fn lost_device(&self, row: RowIndex) -> Option<usize> {
-        let claims = self.commands[row].claims();
-        (0..self.devices.len())
-            .find(|index| claims.uses(*index) && self.devices.state(*index) == DeviceState::Offline)
+        let net = self.commands[row].net.as_ref();
+        let used = net.map_or(0, |net| net.devices());
+        set_bits(used & self.devices.offline).next()
     }
 
     /// Returns true if all arms of the net in `row` have played everything up to `logical_ns` and rest.
@@ -398,13 +450,6 @@ impl<B: DeviceBoards> Engine<B> {
             device.disengage(row);
         }
     }
-
-    /// Writes the set-points of this cycle to the boards.
-    pub fn write_set_points(&mut self) {
-        for (_, device) in self.devices.iter_mut() {
-            B::write(&mut device.set_points, &device.image);
-        }
-    }
 }
 
 /// Returns true if the measurement is plausible for a driver of a device with this number of joints. Data from drivers
@@ -414,31 +459,33 @@ fn is_plausible(measurement: &mut Measurement, joints: u32) -> bool {
         DeviceState::Offline => false,
         DeviceState::Online => true,
         DeviceState::Ready | DeviceState::Commanded | DeviceState::Stopping => {
-            measurement.hold.iter().all(|value| value.is_finite())
+            (measurement.hold.iter()).fold(true, |finite, value| finite & value.is_finite())
         }
     };
-    for group in [
-        &mut measurement.position[..],
-        &mut measurement.torque,
-        &mut measurement.external_torque,
-        &mut measurement.wrench,
-    ] {
-        if group.iter().any(|value| !value.is_finite()) {
-            group.fill(f64::NAN);
-        }
-    }
-    let analog = measurement.analog.iter_mut();
-    for value in analog.chain(&mut measurement.analog_out) {
-        if !value.is_finite() {
-            *value = f64::NAN;
+    null_unless_finite(&mut measurement.position);
+    null_unless_finite(&mut measurement.torque);
+    null_unless_finite(&mut measurement.external_torque);
+    null_unless_finite(&mut measurement.wrench);
+    for group in [&mut measurement.analog, &mut measurement.analog_out] {
+        for value in group {
+            *value = if value.is_finite() { *value } else { f64::NAN };
         }
     }
     online && measurement.joints == joints
 }
 
-fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
+/// Makes every value null if one of them is not finite. Looks at all of them, several at a time.
+#[inline]
+fn null_unless_finite<const N: usize>(group: &mut [f64; N]) {
+    let finite = (group.iter()).fold(true, |finite, value| finite & value.is_finite());
+    if !finite {
+        *group = [f64::NAN; N];
+    }
+}
+
+fn merge(all: &mut SetPoint, one: &DeviceOutput) {
     if one.has_position {
-        all.has_position = true;
+        all.has_position = 1;
         all.position = one.position;
         all.impedance = one.impedance;
     }

@@ -227,6 +227,8 @@ impl<B: DeviceBoards> Engine<B> {
     fn try_first(&mut self, row: RowIndex, leave: RowSet) -> Result<Evaluation, Refusal> {
         self.begin_from(row, leave);
         let evaluation = self.evaluate(row);
+        self.account_net(row);
+        self.time.end_nets();
         if let Evaluation::Fault(code) = evaluation {
             return Err(Refusal::FirstCycle { code: code as u32 });
         }

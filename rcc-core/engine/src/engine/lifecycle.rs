@@ -148,21 +148,19 @@ impl<B: DeviceBoards> Engine<B> {
             for (input, words, late) in net.inputs().staged_values() {
                 recorder.set(entry.id, input, words, late);
             }
-            for (device, motion) in net.taken_arms() {
+            // Only a first evaluation takes over arms.
+            let taken = begins.then(|| net.taken_arms());
+            for (device, motion) in taken.into_iter().flatten() {
                 recorder.arm(entry.id, device, motion);
             }
         }
         let timed = (&mut **net, next_timed_run);
-        let (evaluation, exec_ns) =
-            (self.time).evaluate(row, timed, self.devices.slices(), self.dt_s);
+        let (models, inputs) = self.devices.slices();
+        let evaluation = (self.time).evaluate(row, timed, (models, inputs), self.dt_s);
         net.evaluated_cycle = self.status.cycle;
         entry.cycles = net.cycles;
-        entry.exec_last_ns = exec_ns;
-        entry.exec_max_ns = entry.exec_max_ns.max(exec_ns);
-        entry.exec_sum_ns += exec_ns;
-        self.time.record_duration(entry.id, exec_ns);
         if let Some(recorder) = &mut self.recorder {
-            recorder.net(EvaluationRecord {
+            let evaluated = EvaluationRecord {
                 row,
                 id: entry.id,
                 net,
@@ -170,9 +168,25 @@ impl<B: DeviceBoards> Engine<B> {
                 begins,
                 cancel,
                 dt_s: self.dt_s,
-            });
+            };
+            recorder.net(evaluated, inputs);
         }
         evaluation
+    }
+
+    /// Accounts for the time of the net in `row` if it was evaluated; for none that was refused in its first cycle.
+    pub(super) fn account_net(&mut self, row: RowIndex) {
+        let Some(exec_ns) = self.time.end_net() else {
+            return;
+        };
+        let entry = &mut self.commands[row].entry;
+        if entry.cycles == 0 {
+            return;
+        }
+        entry.exec_last_ns = exec_ns;
+        entry.exec_max_ns = entry.exec_max_ns.max(exec_ns);
+        entry.exec_sum_ns += exec_ns;
+        self.time.record_duration(entry.id, exec_ns);
     }
 
     /// Sends the monitors that are due to the pump thread.

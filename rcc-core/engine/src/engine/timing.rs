@@ -1,8 +1,9 @@
 //! Timing: histograms, late cycles with their cause and the most expensive net, and the cost of primitives. Real-time
 //! thread.
 //!
-//! The clock is read twice per net, and twice for the one run of primitives that is timed per cycle, without a system
-//! call.
+//! The clock is read once before the nets, once after each of them, and twice for the one run of primitives that is timed
+//! per cycle, without a system call. The time of a net contains all that a cycle does for it: evaluation, guard, monitors
+//! and record.
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
@@ -32,6 +33,10 @@ pub(super) struct CycleTimer {
     /// Cost of one clock read, ns.
     clock_read_ns: u64,
     woke_ns: u64,
+    /// When the net that is evaluated began.
+    begun_ns: Option<u64>,
+    /// When the net before it ended; `None` if something else was done since.
+    ended_ns: Option<u64>,
     /// Row of the command table whose net is timed next.
     next_row: RowIndex,
     sampled: bool,
@@ -53,6 +58,8 @@ impl CycleTimer {
             clock: monotonic_ns,
             clock_read_ns: clock_read_cost(monotonic_ns),
             woke_ns: 0,
+            begun_ns: None,
+            ended_ns: None,
             next_row: RowIndex::FIRST,
             sampled: false,
             most_expensive: (0, 0),
@@ -72,34 +79,44 @@ impl CycleTimer {
         self.due = false;
     }
 
-    /// Evaluates the net in `row` and returns the duration, ns; times its run `next_run` if it is the row's turn.
+    /// Evaluates the net in `row`; times its run `next_run` if it is the row's turn.
     pub(super) fn evaluate(
         &mut self,
         row: RowIndex,
         (net, next_run): (&mut Net, &mut usize),
         (models, inputs): (&[DeviceModel], &[DeviceInput]),
         dt_s: f64,
-    ) -> (Evaluation, u64) {
-        let turn = row == self.next_row && !self.sampled;
-        let begun_ns = (self.clock)();
-        let (evaluation, time) = if turn {
-            net.evaluate_timed(models, inputs, dt_s, (*next_run, self.clock))
-        } else {
-            (net.evaluate(models, inputs, dt_s), None)
-        };
-        let exec_ns = (self.clock)().saturating_sub(begun_ns);
-        if turn {
-            self.sampled = true;
-            if let Some(time) = time {
-                self.add_run_time(time);
-            }
-            *next_run += 1;
-            if *next_run >= net.runs() {
-                *next_run = 0;
-                self.next_row = row.next();
-            }
+    ) -> Evaluation {
+        let begun_ns = self.ended_ns.unwrap_or_else(self.clock);
+        self.begun_ns = Some(begun_ns);
+        if row != self.next_row || self.sampled {
+            return net.evaluate(models, inputs, dt_s);
         }
-        (evaluation, exec_ns)
+        let timed = (*next_run, self.clock);
+        let (evaluation, time) = net.evaluate_timed(models, inputs, dt_s, timed);
+        self.sampled = true;
+        if let Some(time) = time {
+            self.add_run_time(time);
+        }
+        *next_run += 1;
+        if *next_run >= net.runs() {
+            *next_run = 0;
+            self.next_row = row.next();
+        }
+        evaluation
+    }
+
+    /// The net that was evaluated last is done: returns its time, ns. `None` if none was evaluated since.
+    pub(super) fn end_net(&mut self) -> Option<u64> {
+        let begun_ns = self.begun_ns.take()?;
+        let now_ns = (self.clock)();
+        self.ended_ns = Some(now_ns);
+        Some(now_ns.saturating_sub(begun_ns))
+    }
+
+    /// Something else than a net follows.
+    pub(super) fn end_nets(&mut self) {
+        self.ended_ns = None;
     }
 
     fn add_run_time(&mut self, time: RunTime) {

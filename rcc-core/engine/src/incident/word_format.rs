@@ -17,8 +17,8 @@ use rcc_core::types::Store;
 use rcc_core::workspace::Workspace;
 use rcc_protocol::control::PlanData;
 
+use crate::hash::packed;
 use crate::net::{NetOrigin, StartConditions};
-use crate::record::hash::packed;
 
 /// A part that is truncated or has invalid content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

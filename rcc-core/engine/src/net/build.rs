@@ -9,6 +9,7 @@ use rcc_core::primitives;
 use rcc_motion::{MotionSet, MotionSetBuilder};
 use rcc_protocol::control::{PlanData, Refusal};
 
+use super::arena::Arena;
 use super::evaluate::step_s;
 use super::{Net, NetOrigin, StartConditions};
 use crate::input::NetInputs;
@@ -98,10 +99,12 @@ impl Net {
         start_conditions: StartConditions,
         devices: usize,
     ) -> Box<Net> {
+        let ready = data.ready_runs();
+        let used = (0..devices).filter(|device| checked.resources.uses(*device));
         Box::new(Net {
-            reals: data.reals.clone().into(),
-            bools: data.bools.clone().into(),
-            ints: data.ints.clone().into(),
+            ready,
+            devices: used.fold(0, |bits, device| bits | 1 << device),
+            arena: Arena::new(&data.reals, &data.bools, &data.ints),
             inputs: NetInputs::of(&data.inputs),
             outputs: vec![DeviceOutput::NONE; devices].into(),
             arms: vec![None; devices].into(),

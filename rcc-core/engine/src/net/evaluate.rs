@@ -3,14 +3,14 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rcc_core::axis::{AxisState, Phases};
-use rcc_core::cycle::{cycle, cycle_timed};
+use rcc_core::cycle::{Schedule, cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame};
 use rcc_core::message::FaultCode;
 use rcc_core::path::{MotionLimits, MotionState, Motions, SpeedOverride};
-use rcc_core::plan::{Plan, Rate};
+use rcc_core::plan::Rate;
 
 use super::Net;
-use crate::input::ArenaSlices;
+use crate::rows::set_bits;
 
 /// Result of one evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ impl Net {
         dt_s: f64,
         seen: impl FnMut(usize, &MotionState),
     ) -> Evaluation {
-        self.evaluate_with(models, devices, dt_s, |plan, frame| {
+        self.evaluate_with(models, devices, dt_s, |schedule, frame| {
             let mut motions = ObservedMotions {
                 motions: &mut *frame.motions,
                 seen,
@@ -67,7 +67,7 @@ impl Net {
                 motions: &mut motions,
                 ..*frame
             };
-            cycle(plan, &mut inner);
+            cycle(schedule, &mut inner);
             let Frame {
                 cycle,
                 terminated,
@@ -89,8 +89,8 @@ impl Net {
         (timed, clock): (usize, fn() -> u64),
     ) -> (Evaluation, Option<RunTime>) {
         let mut ns = 0;
-        let evaluation = self.evaluate_with(models, devices, dt_s, |plan, frame| {
-            ns = cycle_timed(plan, frame, timed, clock);
+        let evaluation = self.evaluate_with(models, devices, dt_s, |schedule, frame| {
+            ns = cycle_timed(schedule, frame, timed, clock);
         });
         let run = self.data.runs.get(timed).zip(self.run_lengths.get(timed));
         // A run whose region is inactive took no time; that is not a measurement.
@@ -108,22 +108,23 @@ impl Net {
         models: &[DeviceModel],
         devices: &[DeviceInput],
         dt_s: f64,
-        cycle: impl FnOnce(&Plan<'_>, &mut Frame<'_>),
+        cycle: impl FnOnce(&Schedule<'_>, &mut Frame<'_>),
     ) -> Evaluation {
-        self.outputs.fill(DeviceOutput::NONE);
+        // Of all other devices it commands nothing, as checked with the plan.
+        for device in set_bits(self.devices) {
+            if let Some(output) = self.outputs.get_mut(device) {
+                *output = DeviceOutput::NONE;
+            }
+        }
         let step_s = step_s(dt_s, self.data.rate);
-        let mut arenas = ArenaSlices {
-            reals: &mut self.reals,
-            bools: &mut self.bools,
-            ints: &mut self.ints,
-        };
+        let mut arenas = self.arena.slices_mut();
         let first = self.cycles == 0;
         self.inputs
             .begin(&self.data.inputs, &mut arenas, first, step_s);
         let mut frame = Frame {
-            reals: &mut self.reals,
-            bools: &mut self.bools,
-            ints: &mut self.ints,
+            reals: arenas.reals,
+            bools: arenas.bools,
+            ints: arenas.ints,
             models,
             devices,
             arms: &self.arms,
@@ -136,7 +137,7 @@ impl Net {
             outcome: 0,
             motion_failed: false,
         };
-        let plan = self.data.plan();
+        let schedule = self.data.schedule(&self.ready);
         #[cfg(test)]
         let panics = self.panics;
         // A panic here is a bug of a primitive; it ends this net and no other. After a panic nothing of a net is used
@@ -144,7 +145,7 @@ impl Net {
         let completed = catch_unwind(AssertUnwindSafe(|| {
             #[cfg(test)]
             assert!(!panics, "asked for by a test");
-            cycle(&plan, &mut frame);
+            cycle(&schedule, &mut frame);
         }));
         if completed.is_err() {
             self.arms.fill(None);

@@ -42,7 +42,7 @@ impl Net {
 
     /// A `Bool` slot as the last evaluation left it; `None` before the first one.
     pub fn bool_at(&self, slot: u32) -> Option<u8> {
-        let value = self.bools.get(slot as usize).copied();
+        let value = self.arenas().1.get(slot as usize).copied();
         value.filter(|_| self.cycles > 0)
     }
 
@@ -52,12 +52,16 @@ impl Net {
         let slot = slot as usize;
         let held = match limit {
             Limit::Real(limit) => {
-                let value = self.reals.get(slot).filter(|value| !value.is_nan());
+                let value = self.arenas().0.get(slot).filter(|value| !value.is_nan());
                 let value = value.filter(|_| !limit.is_nan());
                 value.map(|value| relation.holds(*value, limit))
             }
             Limit::Int(limit) => {
-                let value = self.ints.get(slot).filter(|value| **value != NULL_INT);
+                let value = self
+                    .arenas()
+                    .2
+                    .get(slot)
+                    .filter(|value| **value != NULL_INT);
                 let value = value.filter(|_| limit != NULL_INT);
                 value.map(|value| relation.holds(*value, limit))
             }
@@ -75,19 +79,19 @@ impl Net {
         let slots = first..first.checked_add(point.width as usize)?;
         match point.store {
             Store::Real => {
-                let values = self.reals.get(slots)?.iter();
+                let values = self.arenas().0.get(slots)?.iter();
                 values
                     .zip(room)
                     .for_each(|(value, word)| *word = value.to_bits());
             }
             Store::Bool => {
-                let values = self.bools.get(slots)?.iter();
+                let values = self.arenas().1.get(slots)?.iter();
                 values
                     .zip(room)
                     .for_each(|(value, word)| *word = u64::from(*value));
             }
             Store::Int => {
-                let values = self.ints.get(slots)?.iter();
+                let values = self.arenas().2.get(slots)?.iter();
                 values
                     .zip(room)
                     .for_each(|(value, word)| *word = value.cast_unsigned());
@@ -116,19 +120,21 @@ impl Net {
         let places = values.iter_mut().take(width);
         match monitor.store {
             Store::Real => places
-                .zip(self.reals.iter().skip(slot))
+                .zip(self.arenas().0.iter().skip(slot))
                 .for_each(|(place, value)| *place = *value),
-            Store::Bool => places
-                .zip(self.bools.iter().skip(slot))
-                .for_each(|(place, value)| {
-                    *place = if value & NULL_BOOL != 0 {
-                        f64::NAN
-                    } else {
-                        f64::from(*value)
-                    };
-                }),
+            Store::Bool => {
+                places
+                    .zip(self.arenas().1.iter().skip(slot))
+                    .for_each(|(place, value)| {
+                        *place = if value & NULL_BOOL != 0 {
+                            f64::NAN
+                        } else {
+                            f64::from(*value)
+                        };
+                    })
+            }
             Store::Int => places
-                .zip(self.ints.iter().skip(slot))
+                .zip(self.arenas().2.iter().skip(slot))
                 .for_each(|(place, value)| *place = f64::from_bits(value.cast_unsigned())),
         }
         width

@@ -6,18 +6,23 @@ use super::*;
 
 /// The words of the incident file of a tape.
 fn file(stage: &Recorded, tape: &RecordedTape) -> Vec<u64> {
-    file_for(stage, tape, rcc_core::primitives::fingerprint())
+    file_for(
+        stage,
+        tape,
+        rcc_core::primitives::fingerprint(),
+        incident::FORMAT,
+    )
 }
 
-/// The words of the incident file of a tape, with a fingerprint of the catalogue.
-fn file_for(stage: &Recorded, tape: &RecordedTape, catalogue: u64) -> Vec<u64> {
+/// The words of the incident file of a tape, with a fingerprint of the catalogue and a version of the format.
+fn file_for(stage: &Recorded, tape: &RecordedTape, catalogue: u64, format: u32) -> Vec<u64> {
     let nets: Vec<_> = stage
         .nets
         .iter()
         .map(|(id, origin)| (*id, origin))
         .collect();
     let head = IncidentHead {
-        format: incident::FORMAT,
+        format,
         layout: incident::layout(),
         catalogue: rcc_protocol::events::hex_digits(catalogue),
         configuration: rcc_protocol::events::hex_digits(CONFIGURATION),
@@ -79,6 +84,27 @@ fn an_incident_file_is_replayed_as_the_recording_was() {
 }
 
 #[test]
+fn the_format_before_is_read_and_all_others_are_refused_in_words() {
+    let mut stage = Recorded::new(4 << 20);
+    let id = stage.load(line_net()).expect("a net");
+    stage.start(id);
+    stage.fixture.steps(50);
+    let tape = stage.freeze();
+    let catalogue = rcc_core::primitives::fingerprint();
+    for format in 0..12 {
+        let words = file_for(&stage, &tape, catalogue, format);
+        match format {
+            7 | 8 => assert_eq!(replay_file(&words), Ok(stage.replay(&tape.words))),
+            _ => {
+                let told = replay_file(&words).expect_err("another format");
+                assert!(told.contains(&format!("format {format}")), "{told}");
+                assert!(told.contains("replay it with that build"), "{told}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
     let (stage, tape) = analog_tape();
     let words = file(&stage, &tape);
@@ -117,7 +143,8 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
 fn a_file_of_a_build_with_other_time_laws_is_refused_with_both_fingerprints() {
     let (stage, tape) = analog_tape();
     let ours = rcc_core::primitives::fingerprint();
-    let error = replay_file(&file_for(&stage, &tape, ours ^ 1)).expect_err("another build's");
+    let error = replay_file(&file_for(&stage, &tape, ours ^ 1, incident::FORMAT))
+        .expect_err("another build's");
     for words in [
         "other time laws",
         "replay it with the build that wrote it",

@@ -132,7 +132,8 @@ impl NetHarness {
             outcome: 0,
             motion_failed: false,
         };
-        cycle(&self.net.plan.plan(), &mut frame);
+        let plan = &self.net.plan;
+        cycle(&plan.schedule(&plan.ready_runs()), &mut frame);
         assert!(!frame.motion_failed);
         (self.terminated, self.outcome) = (frame.terminated, frame.outcome);
         self.cycle += 1;

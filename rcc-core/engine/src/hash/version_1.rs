@@ -1,7 +1,7 @@
-//! Hash of all slots of a net after a cycle, which replay compares. Run by the real-time thread after each evaluation,
-//! and by replay; no allocation, no failure.
+//! Version 1 of the hash of all slots, with which incidents up to format 7 were recorded, and the checksum of incident
+//! files. Off the real-time thread.
 //!
-//! Definition, version 1. Eight lanes of 64 bits are initialized with `SEED + lane · STEP`. The arenas follow each
+//! Definition. Eight lanes of 64 bits are initialized with `SEED + lane · STEP`. The arenas follow each
 //! other: reals as their bits, with every NaN replaced by the bit pattern [`NULL`] (any NaN is null, and which one an
 //! operation returns may differ between builds); then Ints; then Bools, eight per word, the first in the lowest byte,
 //! the last word padded with 0. In each arena word i goes to lane i mod 8: `lane = (rotate_left(lane, 29) ^ word) ·
@@ -11,8 +11,10 @@
 //! Each step is a bijection of the lane for a given word, and of the word for a given lane: two states that differ in
 //! one slot never have the same hash; other states collide with a probability near 2⁻⁶⁴.
 
+use super::packed;
+
 /// Bit pattern that represents every null `Real`.
-pub const NULL: u64 = 0x7ff8_0000_0000_0000;
+const NULL: u64 = 0x7ff8_0000_0000_0000;
 
 const LANES: usize = 8;
 const SEED: u64 = 0x243f_6a88_85a3_08d3;
@@ -27,7 +29,7 @@ fn take(lane: u64, word: u64) -> u64 {
 
 /// The bits of a `Real`, with one pattern for null.
 #[inline(always)]
-pub fn real_word(value: f64) -> u64 {
+fn real_word(value: f64) -> u64 {
     let bits = value.to_bits();
     if bits & (u64::MAX >> 1) > INFINITE {
         NULL
@@ -85,15 +87,6 @@ fn lanes() -> [u64; LANES] {
 fn end(lanes: [u64; LANES], lengths: u64) -> u64 {
     let all = lanes.into_iter().fold(lengths, take);
     all ^ all >> 32
-}
-
-/// At most eight bytes as a word, the first in the lowest byte.
-pub fn packed(bytes: &[u8]) -> u64 {
-    let mut word = [0; 8];
-    for (place, byte) in word.iter_mut().zip(bytes) {
-        *place = *byte;
-    }
-    u64::from_le_bytes(word)
 }
 
 /// The same hash over Ints alone, word by word: the checksum of incident files.

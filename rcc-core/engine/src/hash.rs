@@ -1,0 +1,173 @@
+//! Hash of all slots of a net after a cycle, which replay compares. Run by the real-time thread after each evaluation,
+//! and by replay; no allocation, no failure.
+//!
+//! Definition, version 2. Sixteen lanes of 64 bits are initialized with `SEED + lane · STEP`. The arenas follow each
+//! other: reals as their bits, with every NaN replaced by [`NULL`] (any NaN is null, and which one an operation returns
+//! may differ between builds); then Ints; then Bools, eight per word, the first in the lowest byte. Each arena is padded
+//! with 0 to whole blocks of sixteen words; word i of a block goes to lane i by the step `x = lane ^ word, x = x ^ (x >>
+//! 32), lane = rotate_left(low(x) · FACTOR + high(x) · 2³², 32)`, where low and high are the halves of x. Then the upper
+//! half of the lanes, each rotated by 32, is taken into the lower half as words, until one is left: `h`. Finally h is exclusive-or-ed with the lengths,
+//! `reals + 2²¹ · ints + 2⁴² · bools`, and mixed: twice `h · MIX`, then `h ^ (h >> 32)`.
+//!
+//! Each step is a bijection of the lane for a given word, and of the word for a given lane, because FACTOR is odd: two
+//! states that differ in one slot never have the same hash; other states collide with a probability near 2⁻⁶⁴. A step
+//! needs products of 32 bits only, which vectors have: a processor computes four or eight lanes at once.
+//!
+//! Version 1, with which incident files up to format 7 were recorded, is [`version_1`].
+
+use bytemuck::{Pod, Zeroable};
+use rcc_os::wide::{WideWork, with_wide_vectors};
+
+pub mod version_1;
+
+pub use version_1::WordChecksum;
+
+/// Number of lanes, and of words in a block.
+pub const LANES: usize = 16;
+/// The word for every null `Real`.
+const NULL: u64 = u64::MAX;
+const SEED: u64 = 0x243f_6a88_85a3_08d3;
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Odd.
+const FACTOR: u64 = 0x9e37_79b1;
+const MIX: u64 = 0xff51_afd7_ed55_8ccd;
+const LOW: u64 = 0xffff_ffff;
+
+/// Words of an arena that are hashed together, on two lines of the cache.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(128))]
+pub struct HashedBlock(pub [u64; LANES]);
+
+#[inline(always)]
+fn take(lane: u64, word: u64) -> u64 {
+    let x = lane ^ word;
+    // A change of any bit reaches the product.
+    let x = x ^ x >> 32;
+    // low · FACTOR + high · 2³², as low · (FACTOR − 1) + x: one operation less.
+    (x & LOW)
+        .wrapping_mul(FACTOR - 1)
+        .wrapping_add(x)
+        .rotate_left(32)
+}
+
+/// The word of a `Real` with these bits.
+#[inline(always)]
+pub fn real_word(bits: u64) -> u64 {
+    if f64::from_bits(bits).is_nan() {
+        NULL
+    } else {
+        bits
+    }
+}
+
+/// The blocks of a net.
+struct Blocks<'a> {
+    reals: &'a [HashedBlock],
+    others: &'a [HashedBlock],
+    lengths: u64,
+}
+
+impl WideWork for Blocks<'_> {
+    type Result = u64;
+
+    #[inline(always)]
+    fn run(self) -> u64 {
+        let mut lanes = FIRST;
+        for block in self.reals {
+            for (lane, word) in lanes.iter_mut().zip(block.0) {
+                *lane = take(*lane, real_word(word));
+            }
+        }
+        for block in self.others {
+            for (lane, word) in lanes.iter_mut().zip(block.0) {
+                *lane = take(*lane, word);
+            }
+        }
+        end(lanes, self.lengths)
+    }
+}
+
+/// The lanes before the first word.
+const FIRST: [u64; LANES] = {
+    let (mut lanes, mut seed) = ([0; LANES], SEED);
+    let mut rest: &mut [u64] = &mut lanes;
+    while let Some((lane, after)) = rest.split_first_mut() {
+        *lane = seed;
+        seed = seed.wrapping_add(STEP);
+        rest = after;
+    }
+    lanes
+};
+
+#[inline(always)]
+fn half<const N: usize, const M: usize>(lanes: [u64; N]) -> [u64; M] {
+    let (lower, upper) = lanes.split_at(M);
+    let mut taken = [0; M];
+    for ((place, lower), upper) in taken.iter_mut().zip(lower).zip(upper) {
+        // Rotated, or the same change in both would give the same hash.
+        *place = take(*lower, upper.rotate_left(32));
+    }
+    taken
+}
+
+#[inline(always)]
+fn end(lanes: [u64; LANES], lengths: u64) -> u64 {
+    let eight: [u64; 8] = half(lanes);
+    let four: [u64; 4] = half(eight);
+    let two: [u64; 2] = half(four);
+    let [h]: [u64; 1] = half(two);
+    mixed(mixed(h ^ lengths))
+}
+
+#[inline(always)]
+fn mixed(h: u64) -> u64 {
+    let h = h.wrapping_mul(MIX);
+    h ^ h >> 32
+}
+
+/// The hash of three arenas, each in whole blocks; `lengths` are the numbers of their elements: reals, Ints, Bools.
+#[inline]
+pub fn hash(
+    reals: &[HashedBlock],
+    others: &[HashedBlock],
+    [reals_len, ints_len, bools_len]: [usize; 3],
+) -> u64 {
+    let lengths = reals_len as u64 | (ints_len as u64) << 21 | (bools_len as u64) << 42;
+    with_wide_vectors(Blocks {
+        reals,
+        others,
+        lengths,
+    })
+}
+
+/// At most eight bytes as a word, the first in the lowest byte.
+pub fn packed(bytes: &[u8]) -> u64 {
+    let mut word = [0; 8];
+    for (place, byte) in word.iter_mut().zip(bytes) {
+        *place = *byte;
+    }
+    u64::from_le_bytes(word)
+}
+
+/// The recorded hash of a net.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordedHash {
+    /// Of version 1.
+    Version1(u64),
+    /// Of version 2.
+    Version2(u64),
+}
+
+impl RecordedHash {
+    /// Returns true if it is the hash of a net with these arenas (reals, Bools, Ints) and this hash of version 2.
+    #[must_use]
+    pub fn is_of(self, (reals, bools, ints): (&[f64], &[u8], &[i64]), hash: u64) -> bool {
+        match self {
+            RecordedHash::Version1(recorded) => version_1::hash(reals, bools, ints) == recorded,
+            RecordedHash::Version2(recorded) => hash == recorded,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
