@@ -140,7 +140,7 @@ impl Cell {
     /// Fails if the loader would refuse every net. An invalid text is no error here.
     pub fn check(&self, text: &str, file: &str) -> Result<Checked, ClientError> {
         let path = format!("/check?file={}", segment(file));
-        Ok(self.client.post(&path, text.to_owned())?)
+        Ok(self.connection.client.post(&path, text.to_owned())?)
     }
 
     /// Returns a loaded command, by id or by the name of its net (then the newest).
