@@ -53,11 +53,12 @@ fn make() -> Vec<u64> {
             break recording;
         }
         cycle += 1;
-        recorder.begin(cycle, cycle * 1_000_000, &inputs);
+        // They never change.
+        recorder.begin(cycle, cycle * 1_000_000, (&inputs, 0));
         for (row, net) in RowIndex::all().zip(&mut nets) {
             let begins = net.cycles == 0;
             let evaluation = net.evaluate(&cell.models, &inputs, 1e-3);
-            recorder.net(EvaluationRecord {
+            let evaluated = EvaluationRecord {
                 row,
                 id: row.number() as u64 + 1,
                 net,
@@ -65,7 +66,8 @@ fn make() -> Vec<u64> {
                 begins,
                 cancel: false,
                 dt_s: 1e-3,
-            });
+            };
+            recorder.net(evaluated, &inputs);
         }
         recorder.end(0, 0, 0);
     };
