@@ -288,11 +288,12 @@ mod tests {
     fn overview(number: usize) -> CellOverview {
         CellOverview {
             cycle: 1000,
-            nets: (number % 2 == 0)
+            nets: number
+                .is_multiple_of(2)
                 .then(|| "line#3".to_owned())
                 .into_iter()
                 .collect(),
-            nets_count: usize::from(number % 2 == 0),
+            nets_count: usize::from(number.is_multiple_of(2)),
             event: Some(OverviewEvent {
                 time: "2026-11-21T16:02:03.123456Z".to_owned(),
                 severity: "info".to_owned(),

@@ -192,7 +192,7 @@ impl Fleet {
         await_told("all cells over the link", || {
             let (listed, _) = fleet.link(OFFICE, &["cells"]);
             let is_alive = |site: &&str| listed.contains(&format!("{site}/test  alive  cycle"));
-            match SITES.iter().all(|site| is_alive(site)) {
+            match SITES.iter().all(is_alive) {
                 true => Ok(()),
                 false => Err(listed),
             }
