@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
 use rcc_config::CellConfig;
-use rcc_core::cycle::cycle;
+use rcc_core::cycle::{ReadyRun, cycle};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation};
 use rcc_core::message::{Joints, Measurement};
 use rcc_core::types::Store;
@@ -36,6 +36,7 @@ pub fn example(name: &str, cell: &CellConfig) -> Compiled {
 #[allow(dead_code)] // Not every test looks at everything.
 pub struct NetHarness {
     pub net: Compiled,
+    runs: Box<[ReadyRun]>,
     models: Vec<DeviceModel>,
     pub inputs: Vec<DeviceInput>,
     /// Commands of the previous cycle.
@@ -97,6 +98,7 @@ impl NetHarness {
         }
         let motions = motions.finish().unwrap();
         NetHarness {
+            runs: net.plan.ready_runs(),
             motions,
             outputs: vec![DeviceOutput::NONE; models.len()],
             bools: net.plan.bools.clone(),
@@ -132,8 +134,7 @@ impl NetHarness {
             outcome: 0,
             motion_failed: false,
         };
-        let plan = &self.net.plan;
-        cycle(&plan.schedule(&plan.ready_runs()), &mut frame);
+        cycle(&self.net.plan.schedule(&self.runs), &mut frame);
         assert!(!frame.motion_failed);
         (self.terminated, self.outcome) = (frame.terminated, frame.outcome);
         self.cycle += 1;
