@@ -5,15 +5,13 @@ use core::fmt;
 
 use crate::frame::Frame;
 use crate::plan::{Delay, KernelRun, NullRange, PlanRegion, RunBlock};
-use crate::primitives::{self, RunKernel, frequent};
+use crate::primitives::{self, RunKernel};
 use crate::types::Store;
 
 /// A run whose kernel was looked up, before the first cycle.
 #[derive(Clone, Copy)]
 pub struct ReadyRun {
     kernel: RunKernel,
-    /// Its place among the frequent kernels.
-    place: u8,
     first: u32,
     operands: u32,
 }
@@ -31,7 +29,6 @@ impl ReadyRun {
     pub fn of(run: &KernelRun) -> ReadyRun {
         ReadyRun {
             kernel: primitives::function(run.kernel),
-            place: frequent::place_of(run.kernel),
             first: run.first,
             operands: run.operands,
         }
@@ -42,7 +39,7 @@ impl ReadyRun {
         let operands = operands.get(self.first as usize..);
         let operands = operands.and_then(|rest| rest.get(..self.operands as usize));
         if let Some(operands) = operands {
-            frequent::run(self.place, self.kernel, frame, operands);
+            (self.kernel)(frame, operands);
         }
     }
 }
@@ -102,8 +99,6 @@ pub fn cycle_timed(
     ns
 }
 
-// Once, because it contains the code of the frequent kernels.
-#[inline(never)]
 fn run_all(schedule: &Schedule<'_>, frame: &mut Frame<'_>, runs: &[ReadyRun]) {
     for run in runs {
         run.run(schedule.operands, frame);

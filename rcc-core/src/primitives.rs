@@ -12,7 +12,6 @@ mod bits;
 mod curves;
 mod devices;
 mod filters;
-pub(crate) mod frequent;
 mod logic;
 mod motion;
 mod nets;

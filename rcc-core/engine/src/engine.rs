@@ -1,4 +1,5 @@
-//! The work of one cycle of the real-time thread, without clock and sleep: tests run the same code in virtual time. Owns the command table, every running net and the commands of every device.
+//! The work of one cycle of the real-time thread, without clock and sleep: tests run the same code in virtual time. Owns the
+//! command table, every running net and the commands of every device.
 //!
 //! Order within a cycle: latch inputs (by the caller, into [`Engine::latch`]) → requests → conditions of rules → values
 //! between nets → hand-overs, first that of a request, then those of rules → nets →
