@@ -112,9 +112,8 @@ pub fn is_busy(rules: &[&RuleView], commands: &[CommandView], loaded: &[u64]) ->
         let name = format!("{}#{}", command.net, command.id);
         loaded.contains(&command.id) || rules.iter().any(|rule| rule.start.contains(&name))
     };
-    let active = |command: &CommandView| ["running", "canceling"].contains(&command.state.as_str());
     let mut started = commands.iter().filter(started);
-    started.any(active) || rules.iter().any(|rule| may_fire(rule))
+    started.any(CommandView::is_active) || rules.iter().any(|rule| may_fire(rule))
 }
 
 /// Formats a rule that has changed its state.

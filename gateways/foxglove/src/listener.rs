@@ -50,7 +50,7 @@ pub async fn serve(server: &Arc<Server>, listener: TcpListener, end: impl Future
     watch.abort();
     server.viewers.close();
     let all = async { while connections.join_next().await.is_some() {} };
-    // Who takes longer is cut off.
+    // A client that takes longer is disconnected.
     let _ = tokio::time::timeout(CLOSE_MAX, all).await;
 }
 

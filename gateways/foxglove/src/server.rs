@@ -1,4 +1,4 @@
-//! What the clients share, and the answers to their requests. One thread serves; blocking threads ask the loader.
+//! State that all clients share, and the answers to their requests. One thread serves; blocking threads ask the loader.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

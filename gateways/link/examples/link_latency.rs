@@ -144,7 +144,7 @@ fn over_iceoryx2(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Err
         latencies
     });
     drop((publisher, reader, session));
-    // What a cell has in shared memory stays there when its processes have ended; otherwise a janitor removes it.
+    // The files of a cell in shared memory outlive its processes; elsewhere a janitor removes them.
     rcc_ipc::clean::remove_cell(&cell)?;
     Ok(latencies)
 }

@@ -62,7 +62,7 @@ impl Rate {
     }
 }
 
-/// Who subscribes.
+/// The subscriber of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Reader {
     Cell(usize),
@@ -205,7 +205,7 @@ fn added(key: &str, subscribed: &str, payload: &[u8]) -> Result<usize, Failure> 
     added.ok_or_else(|| "a message without its payload".into())
 }
 
-/// What the cells of a site declare.
+/// The declarations of all cells of a site.
 fn subscriptions(cells: usize) -> Result<(Subscriptions, usize), Failure> {
     let mut all = Subscriptions::default();
     let mut declared = 0;

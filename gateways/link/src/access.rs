@@ -14,7 +14,7 @@ pub enum Role<'a> {
     Gateway {
         /// The cell, `SITE/CELL`; the certificate must have this common name.
         cell: &'a str,
-        /// What its peers may do.
+        /// Rights of its peers.
         rights: &'a LinkRights,
     },
     /// Takes topics of this cell, `SITE/CELL`, from a process with its certificate only.

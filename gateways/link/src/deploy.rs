@@ -97,7 +97,7 @@ pub enum DeployError {
     Stopped(Box<StoppedDeployment>),
 }
 
-/// What one cell has against one text.
+/// The reason why one cell refuses one text.
 #[derive(Debug)]
 pub struct Refusal {
     file: String,
@@ -110,7 +110,7 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// What a cell has now.
+/// The result of one step of a deployment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Deployed {
     /// A net is loaded and ready.
@@ -144,7 +144,7 @@ impl fmt::Display for Deployed {
 /// A deployment that ended in the middle.
 #[derive(Debug)]
 pub struct StoppedDeployment {
-    /// What is there now, in order.
+    /// The steps that were carried out, in order.
     done: Vec<Deployed>,
     refusal: Refusal,
     /// The cells that were not asked.
@@ -300,7 +300,7 @@ pub struct Deployment<'a> {
     pub peer: &'a str,
     /// The cells, `SITE/CELL`, in the order in which they get it.
     pub cells: &'a [String],
-    /// What they get.
+    /// The texts that are deployed to them.
     pub texts: &'a [DeployText],
 }
 

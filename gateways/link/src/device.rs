@@ -328,10 +328,7 @@ impl SharedLink {
 
 impl LinkDiagnosis for SharedLink {
     fn link(&self) -> Value {
-        let connections = self.session.get().map_or(0, |session| {
-            let info = session.info();
-            info.peers_zid().wait().count() + info.routers_zid().wait().count()
-        });
+        let connections = self.session.get().map_or(0, session::connections);
         self.connections.store(connections, Ordering::Relaxed);
         let now_ns = self.inbox.now_ns();
         json!({

@@ -106,10 +106,7 @@ pub fn connect(endpoints: &[String], tls: Option<&TlsFiles>) -> Result<Session, 
     let role = Role::Operator;
     let identity = tls.map(|files| Identity { files, role });
     let session = session::open(&[], endpoints, identity)?;
-    let connected = || {
-        let info = session.info();
-        info.peers_zid().wait().count() + info.routers_zid().wait().count()
-    };
+    let connected = || session::connections(&session);
     // A connection has no event of its own.
     let await_count = |count, until| {
         while connected() < count && Instant::now() < until {
@@ -132,11 +129,10 @@ pub fn connect(endpoints: &[String], tls: Option<&TlsFiles>) -> Result<Session, 
 /// # Errors
 /// Fails if the network refuses the request.
 pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell>, FleetError> {
-    let ask = |error: zenoh::Error| FleetError::Ask(error.to_string());
     let all = CellKeys::new(site, "*");
     let mut found: BTreeMap<String, FoundCell> = BTreeMap::new();
     let tokens = session.liveliness().get(all.alive("*")).timeout(ANSWER_MAX);
-    for reply in tokens.wait().map_err(ask)? {
+    for reply in tokens.wait().map_err(not_asked)? {
         if let Some(cell) = reply
             .result()
             .ok()
@@ -149,7 +145,7 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
         .get(all.status())
         .timeout(ANSWER_MAX)
         .consolidation(ConsolidationMode::None);
-    for reply in answers.wait().map_err(ask)? {
+    for reply in answers.wait().map_err(not_asked)? {
         let Ok(sample) = reply.result() else { continue };
         let status = serde_json::from_slice(&sample.payload().to_bytes()).ok();
         if let Some(cell) = cell_of(sample.key_expr().as_str()) {
@@ -179,7 +175,6 @@ pub fn follow(
     keys: &[String],
     mut each: impl FnMut(CellMessage) -> bool,
 ) -> Result<(), FleetError> {
-    let ask = |error: zenoh::Error| FleetError::Ask(error.to_string());
     let (told, messages) = sync_channel(MESSAGES_MAX);
     for key in keys {
         let told = told.clone();
@@ -190,7 +185,7 @@ pub fn follow(
             // Zenoh's thread waits while the reader is behind; the reader that has ended needs nothing more.
             let _ = told.send(message);
         });
-        subscriber.background().wait().map_err(ask)?;
+        subscriber.background().wait().map_err(not_asked)?;
     }
     drop(told);
     while let Ok(message) = messages.recv() {
@@ -210,7 +205,6 @@ pub fn watch(
     site: &str,
     told: &SyncSender<FleetNews>,
 ) -> Result<(), FleetError> {
-    let ask = |error: zenoh::Error| FleetError::Ask(error.to_string());
     let all = CellKeys::new(site, "*");
     let sender = told.clone();
     let overviews = session
@@ -223,7 +217,7 @@ pub fn watch(
                 let _ = sender.try_send(FleetNews::Overview(cell, Box::new(overview)));
             }
         });
-    overviews.background().wait().map_err(ask)?;
+    overviews.background().wait().map_err(not_asked)?;
     let sender = told.clone();
     let tokens = session
         .liveliness()
@@ -241,7 +235,7 @@ pub fn watch(
             let _ = sender.send(news);
         }
     });
-    tokens.background().wait().map_err(ask)
+    tokens.background().wait().map_err(not_asked)
 }
 
 fn message(sample: &Sample) -> Option<CellMessage> {
@@ -294,7 +288,7 @@ impl CellRequest<'_> {
         };
         Ok(PendingAnswer {
             cell: self.cell.to_owned(),
-            answers: answers.map_err(|error| FleetError::Ask(error.to_string()))?,
+            answers: answers.map_err(not_asked)?,
         })
     }
 
@@ -332,6 +326,11 @@ impl PendingAnswer {
             }
         }
     }
+}
+
+/// The network refuses a request.
+fn not_asked(error: zenoh::Error) -> FleetError {
+    FleetError::Ask(error.to_string())
 }
 
 /// Returns `SITE/CELL` of a key.

@@ -55,8 +55,7 @@ impl CellOverview {
         event: Option<&EventView>,
     ) -> CellOverview {
         let executor = &status.executor;
-        let active = commands.iter();
-        let active = active.filter(|row| ["running", "canceling"].contains(&row.state.as_str()));
+        let active = commands.iter().filter(|row| row.is_active());
         let nets: Vec<String> = active
             .map(|row| format!("{}#{}", row.net, row.id))
             .collect();

@@ -56,6 +56,13 @@ pub struct Identity<'a> {
     pub role: Role<'a>,
 }
 
+/// Number of processes and routers that a session is connected to.
+#[must_use]
+pub fn connections(session: &Session) -> usize {
+    let info = session.info();
+    info.peers_zid().wait().count() + info.routers_zid().wait().count()
+}
+
 /// Opens a session that listens at and connects to these endpoints, and connects again for ever; with an identity by mutual
 /// TLS and with access control.
 ///

@@ -220,7 +220,7 @@ fn published(views: &[TopicView]) -> BTreeSet<PublishedTopic> {
     let mut found = BTreeSet::new();
     for view in views {
         let running = view.publishers.iter();
-        for end in running.filter(|end| ["running", "canceling"].contains(&end.state.as_str())) {
+        for end in running.filter(|end| end.is_active()) {
             found.insert(PublishedTopic {
                 topic: view.topic.clone(),
                 ty: view.ty.clone(),

@@ -59,9 +59,7 @@ impl Supervisor {
             let Ok(commands) = self.client.get::<Vec<CommandView>>("/commands") else {
                 return;
             };
-            let active = commands
-                .iter()
-                .filter(|command| matches!(command.state.as_str(), "running" | "canceling"));
+            let active = commands.iter().filter(|command| command.is_active());
             let active: Vec<&CommandView> = active.collect();
             if active.is_empty() {
                 return;

@@ -97,10 +97,9 @@ fn task(context: &Context, path: &str) -> Result<(), Failure> {
 fn room(client: &LoaderClient) -> Result<CellCapacity, Failure> {
     let status: StatusView = client.get("/status")?;
     let commands: Vec<CommandView> = client.get("/commands")?;
-    let active = |command: &&CommandView| matches!(command.state.as_str(), "running" | "canceling");
     let dearest = commands
         .iter()
-        .filter(active)
+        .filter(|command| command.is_active())
         .max_by_key(|command| command.expected_ns);
     let executor = &status.executor;
     Ok(CellCapacity {

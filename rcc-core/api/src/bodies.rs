@@ -351,6 +351,27 @@ pub struct CommandDetail {
     pub names: serde_json::Value,
 }
 
+/// Returns true for the name of the state of an active command.
+fn is_active(state: &str) -> bool {
+    matches!(state, "running" | "canceling")
+}
+
+impl CommandView {
+    /// Returns true while its net is evaluated in each cycle.
+    #[must_use]
+    pub fn is_active(&self) -> bool {
+        is_active(&self.state)
+    }
+}
+
+impl TopicEnd {
+    /// Returns true while its net is evaluated in each cycle.
+    #[must_use]
+    pub fn is_active(&self) -> bool {
+        is_active(&self.state)
+    }
+}
+
 impl CommandDetail {
     /// Returns the primitives of the inputs that a client may set; an input that is subscribed to a topic gets its value from
     /// another net. `None` while the names are not known: a loader that has just been restarted knows a command before them.

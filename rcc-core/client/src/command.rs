@@ -186,7 +186,7 @@ impl<'a> Command<'a> {
     /// CANCEL, or ABORT if it cannot be canceled; waits for the end, and unloads.
     pub(crate) fn end(&self) -> Result<(), ClientError> {
         let view = self.state()?;
-        if matches!(view.state.as_str(), "running" | "canceling") {
+        if view.is_active() {
             match view.can_cancel {
                 true => self.cancel()?,
                 false => self.abort()?,

@@ -155,9 +155,8 @@ impl SeenBefore {
     fn name(&mut self, nets: &[CommandView]) {
         self.names
             .retain(|name| nets.iter().any(|net| net.net == *name));
-        let is_active = |net: &CommandView| matches!(net.state.as_str(), "running" | "canceling");
         let mut wanted: Vec<&CommandView> = nets.iter().collect();
-        wanted.sort_by_key(|net| (!is_active(net), std::cmp::Reverse(net.id)));
+        wanted.sort_by_key(|net| (!net.is_active(), std::cmp::Reverse(net.id)));
         for net in wanted {
             if self.names.len() >= NAMES_MAX {
                 break;

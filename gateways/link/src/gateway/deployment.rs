@@ -167,8 +167,12 @@ impl Deployment {
     /// while a net runs. A process that is restarted reads the new file, and would then not fit the others.
     fn check_file(&self, text: &str) -> Result<(), DeploymentError> {
         cell_file::check(&self.file, text)?;
-        let runs = |row: &CommandView| ["running", "canceling"].contains(&row.state.as_str());
-        match self.cell()?.commands()?.into_iter().find(runs) {
+        match self
+            .cell()?
+            .commands()?
+            .into_iter()
+            .find(CommandView::is_active)
+        {
             None => Ok(()),
             Some(CommandView { net, id, .. }) => Err(DeploymentError::Running { net, id }),
         }

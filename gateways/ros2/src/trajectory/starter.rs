@@ -141,8 +141,7 @@ impl GoalStarter {
             .command(&id.to_string())
             .and_then(|one| one.state())
             .ok()?;
-        let is_active = ["running", "canceling"].contains(&view.state.as_str());
-        (is_active && view.net.starts_with(GOAL_NETS)).then_some(id)
+        (view.is_active() && view.net.starts_with(GOAL_NETS)).then_some(id)
     }
 
     /// Reads the arm from the configuration that the cell runs with.

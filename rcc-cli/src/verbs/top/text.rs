@@ -78,8 +78,13 @@ pub(super) fn nets(snapshot: &TopSnapshot) -> Vec<Column> {
         .iter()
         .filter(|net| !follow::is_over(net))
         .collect();
-    let runs = |net: &CommandView| matches!(net.state.as_str(), "running" | "canceling");
-    nets.sort_by_key(|net| (!runs(net), std::cmp::Reverse(net.exec_mean_ns), net.id));
+    nets.sort_by_key(|net| {
+        (
+            !net.is_active(),
+            std::cmp::Reverse(net.exec_mean_ns),
+            net.id,
+        )
+    });
     let words = |of: &dyn Fn(&CommandView) -> String| nets.iter().map(|net| of(net)).collect();
     let times = |of: &dyn Fn(&CommandView) -> u64| nets.iter().map(|net| of(net) as f64).collect();
     let load = nets.iter().map(|net| percent(net.exec_mean_ns, period_ns));
