@@ -90,6 +90,20 @@ fn values_in_the_name_of_another_cell_are_dropped() {
     }
 }
 
+/// Opens the gateway of a cell with these rights; it agrees to every request that arrives.
+fn answering(authority: &Authority, rights: &LinkRights) -> (Session, Vec<String>) {
+    let role = Role::Gateway { cell: PEER, rights };
+    let (session, endpoints) = listening(&authority.files(PEER), role);
+    let answer = session
+        .declare_queryable(CellKeys::of(PEER).requests())
+        .callback(|query| {
+            let key = query.key_expr().clone();
+            query.reply(key, "{\"ok\": true}").wait().expect("answered");
+        });
+    answer.background().wait().expect("a queryable");
+    (session, endpoints)
+}
+
 #[test]
 fn a_net_is_started_with_the_certificate_of_its_peer_only() {
     let authority = Authority::new();
@@ -98,16 +112,7 @@ fn a_net_is_started_with_the_certificate_of_its_peer_only() {
         start: [("lab/feeder".to_owned(), nets)].into(),
         ..LinkRights::default()
     };
-    let (cell, rights) = (PEER, &rights);
-    let own = authority.files(PEER);
-    let (press, at_press) = listening(&own, Role::Gateway { cell, rights });
-    let answer = press
-        .declare_queryable(CellKeys::of(PEER).requests())
-        .callback(|query| {
-            let key = query.key_expr().clone();
-            query.reply(key, "{\"ok\": true}").wait().expect("answered");
-        });
-    answer.background().wait().expect("a queryable");
+    let (_press, at_press) = answering(&authority, &rights);
     let feeder =
         fleet::connect(&at_press, Some(&authority.files("lab/feeder"))).expect("a connection");
     let other =
@@ -216,16 +221,7 @@ fn nets_arrive_with_the_certificates_of_those_who_may_deploy_only() {
         deploy: vec!["lab/office".to_owned()],
         ..LinkRights::default()
     };
-    let (cell, rights) = (PEER, &rights);
-    let own = authority.files(PEER);
-    let (press, at_press) = listening(&own, Role::Gateway { cell, rights });
-    let answer = press
-        .declare_queryable(CellKeys::of(PEER).requests())
-        .callback(|query| {
-            let key = query.key_expr().clone();
-            query.reply(key, "{\"ok\": true}").wait().expect("answered");
-        });
-    answer.background().wait().expect("a queryable");
+    let (_press, at_press) = answering(&authority, &rights);
     let ask = |session: &Session, peer, step| {
         let request = CellRequest {
             peer,

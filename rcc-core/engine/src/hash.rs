@@ -6,8 +6,8 @@
 //! may differ between builds); then Ints; then Bools, eight per word, the first in the lowest byte. Each arena is padded
 //! with 0 to whole blocks of sixteen words; word i of a block goes to lane i by the step `x = lane ^ word, x = x ^ (x >>
 //! 32), lane = rotate_left(low(x) · FACTOR + high(x) · 2³², 32)`, where low and high are the halves of x. Then the upper
-//! half of the lanes, each rotated by 32, is taken into the lower half as words, until one is left: `h`. Finally h is exclusive-or-ed with the lengths,
-//! `reals + 2²¹ · ints + 2⁴² · bools`, and mixed: twice `h · MIX`, then `h ^ (h >> 32)`.
+//! half of the lanes, each rotated by 32, is taken into the lower half as words, until one is left: `h`. Finally h is
+//! exclusive-or-ed with the lengths, `reals + 2²¹ · ints + 2⁴² · bools`, and mixed: twice `h · MIX`, then `h ^ (h >> 32)`.
 //!
 //! Each step is a bijection of the lane for a given word, and of the word for a given lane, because FACTOR is odd: two
 //! states that differ in one slot never have the same hash; other states collide with a probability near 2⁻⁶⁴. A step
@@ -125,14 +125,16 @@ fn mixed(h: u64) -> u64 {
     h ^ h >> 32
 }
 
+/// The numbers of elements of the arenas in one word: reals, Ints, Bools.
+#[inline(always)]
+fn packed_lengths([reals, ints, bools]: [usize; 3]) -> u64 {
+    reals as u64 | (ints as u64) << 21 | (bools as u64) << 42
+}
+
 /// The hash of three arenas, each in whole blocks; `lengths` are the numbers of their elements: reals, Ints, Bools.
 #[inline]
-pub fn hash(
-    reals: &[HashedBlock],
-    others: &[HashedBlock],
-    [reals_len, ints_len, bools_len]: [usize; 3],
-) -> u64 {
-    let lengths = reals_len as u64 | (ints_len as u64) << 21 | (bools_len as u64) << 42;
+pub fn hash(reals: &[HashedBlock], others: &[HashedBlock], lengths: [usize; 3]) -> u64 {
+    let lengths = packed_lengths(lengths);
     with_wide_vectors(Blocks {
         reals,
         others,

@@ -73,37 +73,37 @@ fn hash_of(reals: &[f64], bools: &[u8], ints: &[i64]) -> u64 {
     hash(&reals, &others, lengths)
 }
 
-#[test]
-fn it_is_as_defined_for_every_length_with_and_without_wide_vectors() {
-    for count in 0..140 {
-        let reals: Vec<f64> = (0..count)
-            .map(|i| {
-                if i % 5 == 3 {
-                    f64::NAN
-                } else {
-                    f64::from(i) / 3.0
-                }
-            })
-            .collect();
+/// Calls `each` with arenas of every length below `lengths`: of one type only, and of all three.
+pub(super) fn each_length(lengths: u32, each: impl Fn(&[f64], &[u8], &[i64])) {
+    for count in 0..lengths {
+        let real = |i| match i % 5 {
+            3 => f64::NAN,
+            _ => f64::from(i) / 3.0,
+        };
+        let reals: Vec<f64> = (0..count).map(real).collect();
         let bools: Vec<u8> = (0..count).map(|i| (i % 3) as u8).collect();
         let ints: Vec<i64> = (0..count).map(|i| i64::from(i) - 7).collect();
-        for (reals, bools, ints) in [
-            (&reals[..], &[][..], &[][..]),
-            (&[], &bools, &[]),
-            (&[], &[], &ints),
-            (&reals, &bools, &ints),
-        ] {
-            let wanted = defined(reals, bools, ints);
-            assert_eq!(hash_of(reals, bools, ints), wanted, "{count}");
-            let (real_blocks, others, [reals_len, ints_len, bools_len]) = parts(reals, bools, ints);
-            let plain = Blocks {
-                reals: &real_blocks,
-                others: &others,
-                lengths: reals_len as u64 | (ints_len as u64) << 21 | (bools_len as u64) << 42,
-            };
-            assert_eq!(plain.run(), wanted, "{count}");
-        }
+        each(&reals, &[], &[]);
+        each(&[], &bools, &[]);
+        each(&[], &[], &ints);
+        each(&reals, &bools, &ints);
     }
+}
+
+#[test]
+fn it_is_as_defined_for_every_length_with_and_without_wide_vectors() {
+    each_length(140, |reals, bools, ints| {
+        let wanted = defined(reals, bools, ints);
+        let lengths = [reals.len(), ints.len(), bools.len()];
+        assert_eq!(hash_of(reals, bools, ints), wanted, "{lengths:?}");
+        let (real_blocks, others, _) = parts(reals, bools, ints);
+        let plain = Blocks {
+            reals: &real_blocks,
+            others: &others,
+            lengths: packed_lengths(lengths),
+        };
+        assert_eq!(plain.run(), wanted, "{lengths:?}");
+    });
 }
 
 #[test]
@@ -114,8 +114,8 @@ fn it_is_the_same_on_every_machine() {
     );
 }
 
-#[test]
-fn every_nan_is_null_and_minus_zero_is_not_zero() {
+/// Every NaN is null, and no other value is taken for another one.
+pub(super) fn assert_nulls_and_signs(hash_of: fn(&[f64], &[u8], &[i64]) -> u64) {
     let other = f64::from_bits(0xfff8_0000_dead_beef);
     assert_eq!(hash_of(&[f64::NAN], &[], &[]), hash_of(&[other], &[], &[]));
     assert_ne!(hash_of(&[0.0], &[], &[]), hash_of(&[-0.0], &[], &[]));
@@ -123,6 +123,11 @@ fn every_nan_is_null_and_minus_zero_is_not_zero() {
         hash_of(&[f64::INFINITY], &[], &[]),
         hash_of(&[f64::NAN], &[], &[])
     );
+}
+
+#[test]
+fn every_nan_is_null_and_minus_zero_is_not_zero() {
+    assert_nulls_and_signs(hash_of);
 }
 
 #[test]

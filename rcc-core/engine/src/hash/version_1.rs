@@ -11,7 +11,7 @@
 //! Each step is a bijection of the lane for a given word, and of the word for a given lane: two states that differ in
 //! one slot never have the same hash; other states collide with a probability near 2⁻⁶⁴.
 
-use super::packed;
+use super::{packed, packed_lengths};
 
 /// Bit pattern that represents every null `Real`.
 const NULL: u64 = 0x7ff8_0000_0000_0000;
@@ -68,8 +68,10 @@ pub fn hash(reals: &[f64], bools: &[u8], ints: &[i64]) -> u64 {
             *lane = take(*lane, word);
         }
     }
-    let lengths = reals.len() as u64 | (ints.len() as u64) << 21 | (bools.len() as u64) << 42;
-    end(lanes, lengths)
+    end(
+        lanes,
+        packed_lengths([reals.len(), ints.len(), bools.len()]),
+    )
 }
 
 #[inline(always)]
@@ -121,6 +123,7 @@ impl WordChecksum {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hash::tests::{assert_nulls_and_signs, each_length};
 
     /// The definition, word by word.
     fn defined(reals: &[f64], bools: &[u8], ints: &[i64]) -> u64 {
@@ -152,25 +155,14 @@ mod tests {
 
     #[test]
     fn it_is_as_defined_for_every_length() {
-        for count in 0..70 {
-            let reals: Vec<f64> = (0..count)
-                .map(|i| if i % 5 == 3 { f64::NAN } else { f64::from(i) })
-                .collect();
-            let bools: Vec<u8> = (0..count).map(|i| (i % 3) as u8).collect();
-            let ints: Vec<i64> = (0..count).map(|i| i64::from(i) - 7).collect();
-            for (reals, bools, ints) in [
-                (&reals[..], &[][..], &[][..]),
-                (&[], &bools, &[]),
-                (&[], &[], &ints),
-                (&reals, &bools, &ints),
-            ] {
-                assert_eq!(
-                    hash(reals, bools, ints),
-                    defined(reals, bools, ints),
-                    "{count}"
-                );
-            }
-        }
+        each_length(70, |reals, bools, ints| {
+            let lengths = [reals.len(), ints.len(), bools.len()];
+            assert_eq!(
+                hash(reals, bools, ints),
+                defined(reals, bools, ints),
+                "{lengths:?}"
+            );
+        });
     }
 
     #[test]
@@ -195,13 +187,7 @@ mod tests {
 
     #[test]
     fn every_nan_is_null_and_minus_zero_is_not_zero() {
-        let other = f64::from_bits(0xfff8_0000_dead_beef);
-        assert_eq!(hash(&[f64::NAN], &[], &[]), hash(&[other], &[], &[]));
-        assert_ne!(hash(&[0.0], &[], &[]), hash(&[-0.0], &[], &[]));
-        assert_ne!(
-            hash(&[f64::INFINITY], &[], &[]),
-            hash(&[f64::NAN], &[], &[])
-        );
+        assert_nulls_and_signs(hash);
     }
 
     #[test]
