@@ -10,6 +10,7 @@ pub mod scalar;
 use std::borrow::Cow;
 use std::collections::HashSet;
 
+use compact_str::CompactString;
 use granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
 use rcc_core::printable::first_unprintable;
 
@@ -30,6 +31,9 @@ pub const TOO_LARGE: &str = "RCC1003";
 pub const NOT_SUPPORTED: &str = "RCC1004";
 /// A key or a text contains an unprintable character, which could control the terminal of a reader.
 pub const UNPRINTABLE: &str = "RCC1005";
+
+/// A text of the tree. Most are names and links of at most 24 bytes, which need no memory of their own.
+pub type ShortText = CompactString;
 
 /// A value and its position.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +56,7 @@ pub enum Value {
     /// Any other finite number.
     Real(f64),
     /// Everything else, and every quoted value.
-    Text(String),
+    Text(ShortText),
     /// A list.
     List(Vec<Node>),
     /// A mapping, in the order of the text, without duplicate keys.
@@ -72,7 +76,7 @@ pub struct Entry {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     /// The text.
-    pub name: String,
+    pub name: ShortText,
     /// Position.
     pub span: Span,
 }
@@ -146,7 +150,7 @@ impl Node {
             Value::List(nodes) => nodes.iter().map(Node::to_json).collect(),
             Value::Map(entries) => {
                 let pairs = entries.iter();
-                let pairs = pairs.map(|entry| (entry.key.name.clone(), entry.value.to_json()));
+                let pairs = pairs.map(|entry| (entry.key.name.to_string(), entry.value.to_json()));
                 Json::Object(pairs.collect())
             }
         }
@@ -240,7 +244,7 @@ enum OpenNode {
     Map {
         entries: Vec<Entry>,
         /// Names of all entries, once there are many.
-        keys: HashSet<String>,
+        keys: HashSet<ShortText>,
         /// The key whose value comes next, and whether it is the first one with its name.
         key: Option<(Key, bool)>,
     },
@@ -250,14 +254,14 @@ enum OpenNode {
 const FEW_ENTRIES: usize = 16;
 
 /// Whether a mapping has no entry of this name yet.
-fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<String>) -> bool {
+fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<ShortText>) -> bool {
     if entries.len() < FEW_ENTRIES {
         return entries.iter().all(|entry| entry.key.name != name);
     }
     if keys.is_empty() {
         keys.extend(entries.iter().map(|entry| entry.key.name.clone()));
     }
-    keys.insert(name.to_owned())
+    keys.insert(name.into())
 }
 
 struct TreeBuilder<'a> {
@@ -343,7 +347,7 @@ impl<'a> TreeBuilder<'a> {
             && key.is_none()
         {
             let first = is_new(&text, entries, keys);
-            let name = text.into_owned();
+            let name = ShortText::from(text);
             if !first {
                 let message = format!("`{name}` is given twice in one mapping");
                 let fault = Diagnostic::error(DUPLICATE_KEY, span, message).label("given before");
@@ -355,7 +359,7 @@ impl<'a> TreeBuilder<'a> {
         let value = if style == ScalarStyle::Plain {
             plain(text)
         } else {
-            Value::Text(text.into_owned())
+            Value::Text(text.into())
         };
         self.put(Node { value, span })
     }
@@ -450,7 +454,7 @@ fn plain(text: Cow<'_, str>) -> Value {
         "false" => return Value::Bool(false),
         _ => {}
     }
-    number(&text).unwrap_or_else(|| Value::Text(text.into_owned()))
+    number(&text).unwrap_or_else(|| Value::Text(text.into()))
 }
 
 /// Parses a number as in JSON, also with a leading `+` or with digits on only one side of the point.

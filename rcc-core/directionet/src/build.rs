@@ -99,7 +99,7 @@ struct Conversion<'t, 'f> {
     /// The `Pre` primitives of the text, with their conditions.
     delayed: Vec<(usize, Option<BuiltValue>)>,
     /// Outputs of the text that something reads.
-    read: HashSet<(usize, String)>,
+    read: HashSet<(usize, &'t str)>,
     search: NameSearch,
     /// Devices that are reported as unknown.
     absent: HashSet<String>,

@@ -42,10 +42,10 @@ pub struct FlatPrimitive<'t> {
     pub active: Vec<FlatSource<'t>>,
 }
 
-impl FlatNet<'_> {
+impl<'t> FlatNet<'t> {
     /// Returns every output that an input, a condition or the net as a whole reads.
     #[must_use]
-    pub fn reads(&self) -> HashSet<(usize, String)> {
+    pub fn reads(&self) -> HashSet<(usize, &'t str)> {
         let inputs = self.primitives.iter().flat_map(|primitive| {
             let links = primitive.inputs.iter().map(|(_, source)| source);
             links.chain(&primitive.active)
@@ -54,7 +54,7 @@ impl FlatNet<'_> {
         inputs
             .chain(outputs)
             .filter_map(|source| match source {
-                FlatSource::Output { primitive, port } => Some((*primitive, port.name.clone())),
+                FlatSource::Output { primitive, port } => Some((*primitive, port.name.as_str())),
                 FlatSource::Refused => None,
             })
             .collect()
@@ -268,7 +268,7 @@ impl<'t> Flattener<'t, '_> {
                         inner_name.push('_');
                         inner_name.push_str(shortened(&argument.name.name));
                         let name = Key {
-                            name: inner_name,
+                            name: inner_name.into(),
                             span: argument.name.span,
                         };
                         self.define_inline(scope, inner, &name);

@@ -63,7 +63,7 @@ impl Conversion<'_, '_> {
         let discard = self.discard(&order, &ids, &read);
         Net {
             name: Key {
-                name: self.options.name.clone(),
+                name: self.options.name.as_str().into(),
                 span: Span::default(),
             },
             description: "made from DirectIONet".to_string(),
@@ -332,8 +332,8 @@ fn reference(
     span: Span,
 ) -> Reference {
     Reference {
-        primitive: ids.get(primitive).cloned().unwrap_or_default(),
-        port: port.to_string(),
+        primitive: ids.get(primitive).map_or("", String::as_str).into(),
+        port: port.into(),
         part: index.map(ValuePart::Element),
         span,
         primitive_span: span,
@@ -355,7 +355,7 @@ impl NetWriter<'_> {
         read: &mut HashSet<(usize, &'static str)>,
     ) -> Primitive {
         let key = |name: &str, span: Span| Key {
-            name: name.to_string(),
+            name: name.into(),
             span,
         };
         let mut inputs = Vec::new();

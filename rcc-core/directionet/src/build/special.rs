@@ -377,7 +377,7 @@ impl Conversion<'_, '_> {
 
     /// Returns true if something in the text reads an output.
     fn is_read(&self, number: usize, output: &str) -> bool {
-        self.read.contains(&(number, output.to_string()))
+        self.read.contains(&(number, output))
     }
 
     /// Converts inverse kinematics. With the robot's own position as the hint, the arm angle stays that of the start;
