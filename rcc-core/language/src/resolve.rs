@@ -9,8 +9,7 @@ mod links;
 mod rate;
 mod suggest;
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 use rcc_core::primitive::{CatalogueEntry, Parameter, Port, Role, Spec};
