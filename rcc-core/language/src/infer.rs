@@ -134,6 +134,12 @@ enum UnitTerm {
     None,
 }
 
+impl UnitTerm {
+    fn is_variable(self) -> bool {
+        matches!(self, UnitTerm::Variable(_))
+    }
+}
+
 impl Inferred {
     /// Returns the type of a port of item `number`; `None` if it is unknown because of an error.
     #[must_use]
@@ -304,7 +310,8 @@ pub fn literals<'g>(
 }
 
 fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
-    let mut constraints = Vec::new();
+    let links = graph.items.iter().map(|item| item.inputs.len());
+    let mut constraints = Vec::with_capacity(links.sum());
     let term = |number: usize, rule: UnitRule| inferred.unit_variables.term(graph, number, rule);
     for DeclaredInput {
         item,
@@ -341,7 +348,9 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
             let sink = of(sink_unit, term(number, port.unit));
             let source = inferred.source_unit(graph, link);
             let source = of(source, term(link.from.item, from.unit));
-            constraints.push(UnitConstraint::Equal(source, sink));
+            if source.is_variable() || sink.is_variable() {
+                constraints.push(UnitConstraint::Equal(source, sink));
+            }
             for (unit, _) in link.initial.map(Literal::units).unwrap_or_default() {
                 constraints.push(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
             }

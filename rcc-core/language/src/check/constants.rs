@@ -74,7 +74,7 @@ pub fn literal_fits(
     place: impl Display,
     diagnostics: &mut Vec<Diagnostic>,
 ) {
-    if literal.stored(ty).is_none() {
+    if !literal.fits(ty) {
         let message = format!("type mismatch: `{place}` expects {ty}, found {literal}");
         let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, literal.span, message);
         diagnostics.push(diagnostic.help_if(example_of(literal, ty)));
@@ -124,7 +124,7 @@ pub fn parameters_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>
     for (number, item) in net.graph.items_of(|spec| !spec.parameters.is_empty()) {
         for (literal, parameter) in item.parameters.iter().zip(item.spec().parameters) {
             let Some(literal) = literal else { continue };
-            let null = literal.shape == LiteralShape::Null;
+            let null = literal.is_null();
             let may_be_null = matches!(parameter.default, Some(DefaultValue::Null))
                 || matches!(
                     parameter.kind,
