@@ -207,24 +207,28 @@ impl Inferred {
     }
 
     fn source_unit(&self, graph: &NetGraph<'_>, link: &ResolvedLink<'_>) -> PartUnit {
+        let Some(part) = link.part else {
+            return PartUnit::Port;
+        };
         let whole = self.output_type(graph, link.from);
-        let part = whole.zip(link.part);
-        let part = part.and_then(|(whole, part)| Some((whole, part.of(whole)?)));
+        let part = whole.and_then(|whole| Some((whole, part.of(whole)?)));
         part.map_or(PartUnit::Port, |(whole, (offset, part))| {
             unit_of(whole, offset, part)
         })
     }
 
     fn sink_unit(&self, number: usize, port: &Port, position: ListPosition) -> PartUnit {
+        // The whole value, or each value of many.
+        if position == ListPosition::default() || matches!(port.ty, PortType::Many(_)) {
+            return PartUnit::Port;
+        }
         let joints = self.joints.get(number).copied().flatten();
         let open = self.open.get(number);
         let whole = open.and_then(|open| open.port(joints, port.ty));
         let part = whole.and_then(|whole| Some((whole, position.of(whole)?)));
-        match part {
-            _ if matches!(port.ty, PortType::Many(_)) => PartUnit::Port,
-            Some((whole, (offset, part))) => unit_of(whole, offset, part),
-            None => PartUnit::Port,
-        }
+        part.map_or(PartUnit::Port, |(whole, (offset, part))| {
+            unit_of(whole, offset, part)
+        })
     }
 
     /// Returns the type required at a position in an input's list, or the type of the whole input if it is not a list.
