@@ -1,11 +1,13 @@
 //! Two cells in two network namespaces that a veth pair joins: a topic of cell A moves an arm of cell B. The link is cut and
 //! its processes are killed: each net does what its configuration says, nothing moves by itself, and nothing leaks. Needs
-//! root, network namespaces, and the folder of the link's programs in `RCC_LINK` (`.ci/link`); skipped by name without them.
+//! root, network namespaces, and `rcc-link`; skipped by name without them.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use rcc_testing::{Random, Rng};
 use rcc_tests::cell_fixture::{await_some, await_told};
+use rcc_tests::program;
 use serde_json::{Value, json};
 
 use pair::CellPair;
@@ -23,6 +25,15 @@ const CUT_S: [f64; 2] = [0.001, 3.0];
 const CANCELED: i32 = 8;
 /// Age beyond which a value of the other cell is null, as configured.
 const EXPIRES: Duration = Duration::from_millis(300);
+
+/// The folder of the link's programs: what is installed (`RCC_PROGRAMS`) need not have them.
+fn programs() -> Result<PathBuf, String> {
+    let path = program("rcc-link");
+    match path.parent() {
+        Some(folder) if path.exists() => Ok(folder.to_owned()),
+        _ => Err(format!("{} does not exist", path.display())),
+    }
+}
 
 /// Returns the pair, or says why the test is skipped.
 fn pair(test: &str) -> Option<CellPair> {

@@ -81,8 +81,7 @@ fn cell(namespace: &str, further: &str) -> TestCell {
 impl CellPair {
     /// Starts both cells and the gateway of A; the error says why it cannot be.
     pub fn start() -> Result<CellPair, String> {
-        let programs = std::env::var_os("RCC_LINK").map(PathBuf::from);
-        let programs = programs.ok_or("needs RCC_LINK, the folder of rcc-link: run .ci/link")?;
+        let programs = super::programs()?;
         let shown = programs.join("rcc-link-device");
         let shown = shown.display();
         let hosts = Hosts::new()?;
