@@ -172,7 +172,10 @@ impl CellPair {
 
     /// The value is null, and the arm comes to rest and stays there.
     pub fn assert_rests(&self) {
-        assert_eq!(self.value("gone.out"), Ok(Value::Bool(true)));
+        await_told("the value to be null", || match self.value("gone.out")? {
+            Value::Bool(true) => Ok(()),
+            other => Err(format!("gone.out is {other}")),
+        });
         await_told("the arm to rest", || {
             let velocity = self.value("move.velocity")?;
             match velocity[JOINT].as_f64() {
