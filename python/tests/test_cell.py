@@ -89,8 +89,10 @@ def test_a_canceled_net_is_no_success(cell):
 
 def test_ctrl_c_cancels_what_runs(cell):
     script = """
-        import rcc, sys
+        import rcc, signal, sys
         from test_cell import waiting
+        # A shell that runs the tests in the background has it ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         with rcc.connect(sys.argv[1]) as cell:
             cell.run(waiting("mine"))
     """

@@ -101,6 +101,10 @@ impl Verb {
                 "serves the dashboard of a cell on this machine",
                 "run it there and forward its port: `ssh -L 7426:127.0.0.1:7426 HOST rcc-cli serve --port 7426`",
             ),
+            Verb::Fleet(_) => machine(
+                "reaches cells over Zenoh",
+                "`rcc-cli fleet cells --connect ENDPOINT` lists them",
+            ),
             Verb::Record(_) => machine(
                 "reads shared memory of this machine",
                 "run it there: `ssh HOST rcc-cli record FILE`, then copy the file",

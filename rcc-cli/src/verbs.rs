@@ -19,6 +19,7 @@ pub mod down;
 pub mod events;
 pub mod explain;
 pub mod fault;
+pub mod fleet;
 pub mod fmt;
 pub mod graph;
 pub mod import;
@@ -145,6 +146,8 @@ verbs! {
         Top = top;
         /// Show the executor's health and the cell's processes
         Status = status;
+        /// Ask, follow and deploy to the cells of several hosts (rcc-link)
+        Fleet = fleet;
         /// Show the event log: process deaths, lost devices, ended nets and their causes
         Events = events;
         /// List the incident files of the flight recorder, or record one now

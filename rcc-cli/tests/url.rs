@@ -124,6 +124,7 @@ const REFUSED: &[&[&str]] = &[
     &["doctor", "--measure", "0"],
     &["doctor", "device", "lwr"],
     &["serve"],
+    &["fleet", "cells"],
     &["record", "/nonexistent/x.mcap"],
     &["import", "x.mcap"],
     &["import", "trajectory", "x.yaml"],

@@ -9,6 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use rcc_ipc::Cell;
+use rcc_os::file::{self, Readers};
 use thiserror::Error;
 use tracing::warn;
 
@@ -84,11 +85,8 @@ impl IdBlocks {
     }
 }
 
-/// Replaces the file by a rename, so that it holds either the old or the new number.
 fn write(path: &Path, bound: u64) -> io::Result<()> {
-    let beside = path.with_extension("new");
-    fs::write(&beside, format!("{bound}\n"))?;
-    fs::rename(&beside, path)
+    file::replace(path, format!("{bound}\n").as_bytes(), Readers::Anybody)
 }
 
 #[cfg(test)]

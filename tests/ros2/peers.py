@@ -1,8 +1,7 @@
 """A cell among nodes that are not ours: `rclpy` (Fast DDS) for topics, services and parameters, Cyclone DDS for the action
 FollowJointTrajectory, whose types the wheels of rclpy lack.
 
-Runs in a network namespace of its own, with the folder of rcc-ros2 as its argument; the cell's programs are in RCC_BIN, else in
-`target/debug`.
+Runs in a network namespace of its own, with the folder of the programs as its argument.
 """
 
 import contextlib
@@ -31,7 +30,7 @@ from std_srvs.srv import Trigger
 from trajectory_peer import ABORTED, CANCELED, SUCCEEDED, Tolerance, TrajectoryClient, goal
 
 ROOT = Path(__file__).resolve().parents[2]
-BIN = Path(os.environ.get("RCC_BIN", ROOT / "target" / "debug"))
+BIN = Path(sys.argv[1])
 CELL = "ros2"
 DOMAIN = 0
 JOINTS = [f"arm_joint_{number}" for number in range(1, 7)]
@@ -113,9 +112,8 @@ def get(path, address):
 class RunningCell:
     """A simulated cell, and the gateways beside it."""
 
-    def __init__(self, folder, gateways):
+    def __init__(self, folder):
         self.folder = folder
-        self.gateways = gateways
         (folder / "cell.yaml").write_text(CONFIG)
         self.log = open(folder / "up.log", "w+")
         command = [BIN / "rcc-cli", "--cell", CELL, "up", "--parent-death", folder / "cell.yaml"]
@@ -157,7 +155,7 @@ class RunningCell:
 
     def gateway(self, *arguments):
         # Nothing of it is left if a check fails.
-        command = [self.gateways / "rcc-ros2", "--cell", CELL, f"--domain={DOMAIN}", "--parent-death", *arguments]
+        command = [BIN / "rcc-ros2", "--cell", CELL, f"--domain={DOMAIN}", "--parent-death", *arguments]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         line = process.stdout.readline()
         assert line.startswith("node /"), line
@@ -169,13 +167,13 @@ class RunningCell:
 
 
 @contextlib.contextmanager
-def running(gateways):
+def running():
     with tempfile.TemporaryDirectory(prefix="rcc-ros2") as name:
         folder = Path(name)
         os.environ["RCC_RUNTIME_DIR"] = str(folder / "run")
         os.environ["RCC_STATE_DIR"] = str(folder / "state")
         (folder / "run").mkdir()
-        cell = RunningCell(folder, gateways)
+        cell = RunningCell(folder)
         try:
             yield cell
         except BaseException:
@@ -538,7 +536,7 @@ def discovery_beside_the_cycle(cell, seconds):
 
 
 def main():
-    with running(Path(sys.argv[1])) as cell:
+    with running() as cell:
         print("discovery beside the cycle", flush=True)
         discovery_beside_the_cycle(cell, float(os.environ.get("RCC_ROS2_SECONDS", "5")))
         peer = RosPeer()

@@ -218,6 +218,38 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        // A client of the loader, and a driver.
+        "rcc-link",
+        &[
+            "rcc-core",
+            "rcc-os",
+            "rcc-config",
+            "rcc-protocol",
+            "rcc-process",
+            "rcc-language",
+            "rcc-api",
+            "rcc-client",
+            "rcc-terminal",
+            "rcc-driver-kit",
+        ],
+    ),
+    (
+        // Reads what monitors read, and is a client of the loader.
+        "rcc-ros2",
+        &[
+            "rcc-core",
+            "rcc-os",
+            "rcc-config",
+            "rcc-protocol",
+            "rcc-process",
+            "rcc-api",
+            "rcc-client",
+            "rcc-reading",
+            "rcc-recording",
+            "rcc-trajectory",
+        ],
+    ),
+    (
         // A client of the loader.
         "rcc-robotics-api",
         &[

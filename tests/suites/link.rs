@@ -1,11 +1,13 @@
 //! Two cells in two network namespaces that a veth pair joins: a topic of cell A moves an arm of cell B. The link is cut and
 //! its processes are killed: each net does what its configuration says, nothing moves by itself, and nothing leaks. Needs
-//! root, network namespaces, and the folder of the link's programs in `RCC_LINK` (`.ci/link`); skipped by name without them.
+//! root, network namespaces, and `rcc-link`; skipped by name without them.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use rcc_testing::{Random, Rng};
 use rcc_tests::cell_fixture::{await_some, await_told};
+use rcc_tests::program;
 use serde_json::{Value, json};
 
 use pair::CellPair;
@@ -17,12 +19,23 @@ mod pair;
 
 /// Cuts of a test; `RCC_LINK_CUTS` gives another number for a long run.
 const CUTS: usize = 6;
-/// Shortest and longest cut, s.
-const CUT_S: [f64; 2] = [0.001, 3.0];
+/// Shortest cut, s.
+const CUT_MIN_S: f64 = 0.001;
+/// Longest cut, s: of a short and of a long run.
+const CUT_MAX_S: [f64; 2] = [3.0, 10.0];
 /// Exit code of `rcc-cli` after a net that was canceled.
 const CANCELED: i32 = 8;
 /// Age beyond which a value of the other cell is null, as configured.
 const EXPIRES: Duration = Duration::from_millis(300);
+
+/// The folder of the link's programs: what is installed (`RCC_PROGRAMS`) need not have them.
+fn programs() -> Result<PathBuf, String> {
+    let path = program("rcc-link");
+    match path.parent() {
+        Some(folder) if path.exists() => Ok(folder.to_owned()),
+        _ => Err(format!("{} does not exist", path.display())),
+    }
+}
 
 /// Returns the pair, or says why the test is skipped.
 fn pair(test: &str) -> Option<CellPair> {
@@ -80,6 +93,7 @@ fn a_cut_link_is_null_and_nothing_starts_by_itself() {
     if count.is_some() {
         rcc_tests::cell::without_time_limit();
     }
+    let longest = CUT_MAX_S[usize::from(count.is_some())];
     let count = count.map_or(CUTS, |text| text.parse().expect("a number"));
     let seed = std::env::var("RCC_SEED").ok();
     let seed = seed.map_or(u64::from(std::process::id()), |text| {
@@ -94,8 +108,7 @@ fn a_cut_link_is_null_and_nothing_starts_by_itself() {
     let before = pair.census();
     let (mut ended, mut long) = (0, 0);
     for number in 0..count {
-        let [least, most] = CUT_S;
-        let seconds = random.log_uniform(least, most);
+        let seconds = random.log_uniform(CUT_MIN_S, longest);
         // Every third one certainly passes `expires`.
         let seconds = if number % 3 == 2 {
             seconds.max(1.0)
@@ -193,7 +206,9 @@ fn start_is_refused_unless_the_cell_names_the_net_and_cancel_is_not() {
     let done = pair.ask("cancel", "lab-c/test", "other");
     assert!(done.contains("cancel in cycle"), "{done}");
     pair.a.assert_ends(belt, "canceled");
-    let listed = pair.link_in_b(&["cells", "--connect", pair::ENDPOINT]);
+    // By the command line of cells, which passes on what it is given.
+    let ask = ["fleet", "cells", "--connect", pair::ENDPOINT];
+    let (listed, _) = pair.b.cli_exits(0, &ask);
     assert!(listed.contains("lab-a/test  alive  cycle "), "{listed}");
     pair.stop();
 }

@@ -1,7 +1,10 @@
-//! `.ci/programs` runs every example and benchmark of the workspace. Reads files only; run by a thread of the harness.
+//! `.ci/programs` runs every example and benchmark of the workspace, and nothing in the workspace is built twice. Reads files,
+//! and asks cargo; run by a thread of the harness.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use rcc_tests::repository;
 
@@ -56,4 +59,31 @@ fn every_example_and_benchmark_is_run_by_ci() {
         }
     }
     assert!(programs >= 20, "{programs}");
+}
+
+/// Packages behind these edges of the workspace, with version and features.
+fn packages(edges: &str) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--workspace", "--offline", "--locked"])
+        .args(["--prefix", "none", "--format", "{p} {f}", "--edges", edges])
+        .current_dir(repository())
+        .output()
+        .expect("cargo");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let lines = text.lines().map(|line| line.trim_end_matches(" (*)"));
+    lines.map(|line| line.trim_end().to_owned()).collect()
+}
+
+#[test]
+fn programs_and_tests_are_built_with_the_same_features() {
+    let (programs, tests) = (packages("normal,build"), packages("normal,build,dev"));
+    assert!(programs.len() > 100, "{programs:?}");
+    let other: Vec<_> = programs.difference(&tests).collect();
+    assert!(
+        other.is_empty(),
+        "tests need more features of {other:?}: `cargo build --workspace` and `cargo test --workspace` would both build these packages, \
+         and all that need them; name the features in tests/Cargo.toml"
+    );
 }

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{CommandView, EventView};
+use rcc_client::published::PublishedTopic;
 use rcc_client::{LoaderClient, RequestError, StreamValues};
 use rcc_config::{CellConfig, LinkConfig};
 use rcc_process::helpers;
@@ -65,23 +66,6 @@ pub enum GatewayError {
     /// A thread ended that must not.
     #[error("the thread that looks at the cell has ended")]
     Ended,
-}
-
-/// A topic that a running net publishes.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct PublishedTopic {
-    /// Name of the topic.
-    pub topic: String,
-    /// Type.
-    pub ty: String,
-    /// Unit.
-    pub unit: Option<String>,
-    /// Id of the command.
-    pub id: u64,
-    /// Name of its net.
-    pub net: String,
-    /// Its `Publish`.
-    pub primitive: String,
 }
 
 /// A message to the publishing thread.
@@ -231,7 +215,7 @@ impl LinkPublisher {
         let Some(cycle) = self.cycle else { return };
         let age_ns = cycle.age_ns(values.cycle, Instant::now());
         for topic in topics.iter().filter(|topic| topic.id == values.id) {
-            let port = format!("{}.{}", topic.primitive, values::PORT);
+            let port = topic.port();
             if let Some(value) = values.values.get(&port) {
                 self.topic(topic, value.clone(), age_ns);
             }

@@ -187,6 +187,13 @@ impl FleetState {
         }
     }
 
+    /// Whether a cell is alive of which no overview has come.
+    #[must_use]
+    pub fn is_awaited(&self) -> bool {
+        let mut cells = self.cells.values();
+        cells.any(|cell| !cell.alive.is_empty() && cell.overview.is_none())
+    }
+
     fn rows(&self, now: Instant) -> Vec<Row<'_>> {
         let mut rows: Vec<Row<'_>> = self
             .cells
@@ -399,7 +406,9 @@ mod tests {
         };
         fleet.apply(news(FleetNews::Alive, "1"), now);
         assert!(fleet.lines(80, now)[2].contains(" silent "));
+        assert!(fleet.is_awaited());
         fleet.apply(FleetNews::Overview("lab/a".to_owned(), Box::default()), now);
+        assert!(!fleet.is_awaited());
         assert!(fleet.lines(80, now)[2].contains(" idle "));
         fleet.apply(news(FleetNews::Gone, "1"), now);
         assert!(fleet.lines(80, now)[2].contains(" no executor "));

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use rcc_api::bodies::{CommandView, StatusView, TopicView};
+use rcc_client::published::{PublishedTopic, streams};
 use rcc_client::{Cell, ClientError, LoaderClient, RequestError};
 use rcc_process::helpers;
 use rcc_recording::cdr::CdrWriter;
@@ -22,29 +23,6 @@ use crate::trajectory::server::TrajectoryServers;
 
 /// Time between two looks.
 const EVERY: Duration = Duration::from_millis(200);
-/// Nets of one stream; a limit of the loader.
-const NETS_OF_STREAM: usize = 8;
-/// Streams that one client may have besides others; a limit of the loader.
-const STREAMS_MAX: usize = 4;
-/// The output of `Publish`: what the topic has.
-const PORT: &str = "out";
-
-/// A topic that a running net publishes.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct PublishedTopic {
-    topic: String,
-    ty: String,
-    id: u64,
-    net: String,
-    primitive: String,
-}
-
-impl PublishedTopic {
-    fn port(&self) -> String {
-        format!("{}.{PORT}", self.primitive)
-    }
-}
-
 /// Options of the thread that looks at the nets.
 pub struct NetsOptions {
     /// Name of the cell.
@@ -108,7 +86,7 @@ impl NetsObserver {
             trajectories.offer(&self.node);
         }
         let views: Vec<TopicView> = client.get("/topics")?;
-        let published = published(&views);
+        let published = PublishedTopic::all(&views);
         if published != self.topics {
             let status: StatusView = client.get("/status")?;
             let base_rate_hz = 1e9 / status.executor.period_ns.max(1) as f64;
@@ -143,29 +121,18 @@ impl NetsObserver {
     fn read(&mut self, published: BTreeSet<PublishedTopic>, base_rate_hz: f64) {
         // Release pairs with the acquire of the readers.
         let generation = self.generation.fetch_add(1, Ordering::Release) + 1;
-        let mut nets: BTreeMap<u64, Vec<TopicSender>> = BTreeMap::new();
-        for topic in &published {
-            if let Some(sender) = self.sender(topic) {
-                nets.entry(topic.id).or_default().push(sender);
-            }
+        let topics = published.iter();
+        let senders: Vec<(u64, TopicSender)> = topics
+            .filter_map(|topic| Some((topic.id, self.sender(topic)?)))
+            .collect();
+        let (streams, left_out) = streams(senders);
+        if left_out > 0 {
+            tracing::warn!("topics of {left_out} nets are not sent: too many nets publish");
         }
-        if nets.len() > NETS_OF_STREAM * STREAMS_MAX {
-            let most = NETS_OF_STREAM * STREAMS_MAX;
-            tracing::warn!(
-                "{} nets publish topics; {most} of them are sent",
-                nets.len()
-            );
-        }
-        let mut nets: Vec<Vec<TopicSender>> = nets.into_values().collect();
-        nets.truncate(NETS_OF_STREAM * STREAMS_MAX);
-        while !nets.is_empty() {
-            let rest = nets.split_off(nets.len().min(NETS_OF_STREAM));
+        for senders in streams {
             let reader = TopicReader {
                 cell: self.options.cell.clone(),
-                senders: std::mem::replace(&mut nets, rest)
-                    .into_iter()
-                    .flatten()
-                    .collect(),
+                senders,
                 rate_hz: self.options.rate_hz.min(base_rate_hz),
                 generation: (Arc::clone(&self.generation), generation),
                 ends: Arc::clone(&self.ends),
@@ -207,30 +174,12 @@ impl NetsObserver {
         };
         Some(TopicSender {
             id: topic.id,
-            command: format!("{}#{}/{}", topic.net, topic.id, topic.port()),
+            command: topic.path(),
             port: topic.port(),
             ty,
             publisher,
         })
     }
-}
-
-/// Returns the topics of running nets.
-fn published(views: &[TopicView]) -> BTreeSet<PublishedTopic> {
-    let mut found = BTreeSet::new();
-    for view in views {
-        let running = view.publishers.iter();
-        for end in running.filter(|end| end.is_active()) {
-            found.insert(PublishedTopic {
-                topic: view.topic.clone(),
-                ty: view.ty.clone(),
-                id: end.id,
-                net: end.net.clone(),
-                primitive: end.primitive.clone(),
-            });
-        }
-    }
-    found
 }
 
 /// A topic of a running net, and where it goes.
@@ -282,31 +231,5 @@ impl TopicReader {
             }
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use rcc_api::bodies::TopicEnd;
-
-    use super::*;
-
-    #[test]
-    fn only_running_nets_publish() {
-        let end = |id, state: &str| TopicEnd {
-            id,
-            net: "belt".into(),
-            primitive: "give".into(),
-            state: state.into(),
-        };
-        let view = TopicView {
-            topic: "belt/position".into(),
-            ty: "Real".into(),
-            unit: Some("m".into()),
-            publishers: vec![end(1, "terminated"), end(2, "running"), end(3, "ready")],
-            subscribers: vec![end(4, "running")],
-        };
-        let found: Vec<u64> = published(&[view]).iter().map(|topic| topic.id).collect();
-        assert_eq!(found, [2]);
     }
 }

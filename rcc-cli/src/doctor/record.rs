@@ -7,7 +7,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use rcc_ipc::state_folder::state_base;
-use rcc_os::{file, wall};
+use rcc_os::file::{self, Readers};
+use rcc_os::wall;
 use serde::{Deserialize, Serialize};
 
 use super::grade::Grade;
@@ -79,10 +80,8 @@ impl GradeRecord {
     fn store_in(&self, folder: &Path) -> io::Result<PathBuf> {
         fs::create_dir_all(folder)?;
         let path = folder.join(FILE);
-        let beside = folder.join(format!("{FILE}.{}", std::process::id()));
         let text = serde_json::to_string_pretty(self).map_err(io::Error::other)? + "\n";
-        fs::write(&beside, text)?;
-        fs::rename(&beside, &path)?;
+        file::replace(&path, text.as_bytes(), Readers::Anybody)?;
         Ok(path)
     }
 

@@ -26,7 +26,10 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
 }
 
 /// Searches a program beside this one and one folder up; the error has this remedy.
-fn beside(name: &str, remedy: &str) -> Result<PathBuf, Failure> {
+///
+/// # Errors
+/// Fails if it does not exist.
+pub fn beside(name: &str, remedy: &str) -> Result<PathBuf, Failure> {
     let here = std::env::current_exe().unwrap_or_default();
     let looked: Vec<PathBuf> = here
         .ancestors()

@@ -2,15 +2,12 @@
 //! nowhere else. Written by the supervisor's thread, read by verbs.
 
 use std::collections::BTreeMap;
-use std::fs::OpenOptions;
-use std::io::Write;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 
 use rcc_api::codes;
 use rcc_config::CellConfig;
 use rcc_ipc::Cell;
-use rcc_os::file;
+use rcc_os::file::{self, Readers};
 use serde::{Deserialize, Serialize};
 
 use super::processes::PreparedCell;
@@ -38,15 +35,9 @@ pub fn write(cell: &Cell, prepared: &PreparedCell) -> Result<(), Failure> {
         ports: prepared.ports.clone(),
     };
     let path = cell.running_file();
-    let half = path.with_extension("half");
     serde_json::to_vec(&running)
         .map_err(std::io::Error::other)
-        .and_then(|text| {
-            let mut options = OpenOptions::new();
-            let options = options.create(true).write(true).truncate(true).mode(0o600);
-            options.open(&half)?.write_all(&text)
-        })
-        .and_then(|()| std::fs::rename(&half, &path))
+        .and_then(|text| file::replace(&path, &text, Readers::Owner))
         .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))
 }
 

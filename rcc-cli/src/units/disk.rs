@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
+use rcc_os::file::{self, Readers};
 
 use super::{DROP_IN, MARK, PACKAGED, SHIPPED, UNITS, UnitFile};
 use crate::failure::Failure;
@@ -139,7 +140,7 @@ fn drop_ins(root: &Path, cell: &str) -> Result<(Vec<PathBuf>, usize), Failure> {
 }
 
 fn read(path: &Path) -> Result<Option<String>, Failure> {
-    match rcc_os::file::read_text(path, UNIT_MAX) {
+    match file::read_text(path, UNIT_MAX) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(refused(path, &error)),
@@ -149,10 +150,7 @@ fn read(path: &Path) -> Result<Option<String>, Failure> {
 fn store(path: &Path, text: &str) -> Result<(), Failure> {
     let folder = path.parent().unwrap_or(Path::new("/"));
     fs::create_dir_all(folder).map_err(|error| refused(folder, &error))?;
-    let half = path.with_extension("half");
-    fs::write(&half, text)
-        .and_then(|()| fs::rename(&half, path))
-        .map_err(|error| refused(path, &error))
+    file::replace(path, text.as_bytes(), Readers::Anybody).map_err(|error| refused(path, &error))
 }
 
 fn refused(path: &Path, error: &io::Error) -> Failure {

@@ -16,6 +16,7 @@ mod connection;
 mod error;
 mod lease;
 mod outcome;
+pub mod published;
 mod transport;
 mod watch;
 

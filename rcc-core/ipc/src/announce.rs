@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use nix::fcntl::Flock;
+use rcc_os::file::{self, Readers};
 use rcc_protocol::{Announcement, Role};
 
 use crate::cell::{Cell, CellError};
@@ -193,7 +193,7 @@ impl Cell {
 }
 
 fn read(path: &Path) -> Result<Option<Announcement>, AnnounceError> {
-    match rcc_os::file::read(path, BYTES_MAX) {
+    match file::read(path, BYTES_MAX) {
         Ok(text) => {
             serde_json::from_slice(&text)
                 .map(Some)
@@ -210,22 +210,11 @@ fn read(path: &Path) -> Result<Option<Announcement>, AnnounceError> {
     }
 }
 
-/// Writes a temporary file and renames it, so that readers see either the old file or the new one, never part of it.
 fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> {
     let failed = |source| AnnounceError::File {
         path: path.to_owned(),
         source,
     };
     let text = serde_json::to_vec_pretty(announcement).map_err(|error| failed(error.into()))?;
-    let beside = path.with_extension("new");
-    write_private(&beside, &text)
-        .and_then(|()| fs::rename(&beside, path))
-        .map_err(failed)
-}
-
-/// Writes a file that only its owner may read.
-fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut options = fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true).mode(0o600);
-    options.open(path)?.write_all(bytes)
+    file::replace(path, &text, Readers::Owner).map_err(failed)
 }

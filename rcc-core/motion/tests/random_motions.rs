@@ -3,28 +3,54 @@
 
 mod motions;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
 use motions::{KINDS, MotionKind, RunOutcome, WorstCase, case, compared, robots};
 
 /// Motions of each kind and robot.
-const EACH: u64 = 100;
+const EACH: usize = 100;
+
+/// Computes `count` results, in their order, on all processors.
+fn on_all_processors<T: Send>(count: usize, result: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let take = || {
+        let indices = std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)));
+        let own = indices.take_while(|index| *index < count);
+        own.map(|index| (index, result(index))).collect()
+    };
+    let processors = thread::available_parallelism().map_or(1, usize::from);
+    let mut results: Vec<(usize, T)> = thread::scope(|scope| {
+        let threads: Vec<_> = (0..processors).map(|_| scope.spawn(take)).collect();
+        let joined = threads.into_iter().map(|thread| thread.join());
+        joined
+            .flat_map(|own: thread::Result<Vec<_>>| own.expect("no panic"))
+            .collect()
+    });
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}
 
 #[test]
 fn random_motions_stay_on_their_path_and_within_their_limits_under_any_override() {
+    let robots = robots();
     for kind in KINDS {
         let (mut ran, mut refused, mut broken) = (0, 0, 0);
         let mut worst = WorstCase::default();
-        for robot in robots() {
-            for seed in 0..EACH {
-                match case(kind, &robot, seed) {
-                    RunOutcome::Ran(motion) => {
-                        ran += 1;
-                        worst.and(motion);
-                    }
-                    RunOutcome::Refused => refused += 1,
-                    RunOutcome::Broken(fault) => {
-                        broken += 1;
-                        println!("{kind:?} of {}, seed {seed}: {fault}", robot.name);
-                    }
+        let outcomes = on_all_processors(robots.len() * EACH, |index| {
+            case(kind, &robots[index / EACH], (index % EACH) as u64)
+        });
+        for (index, outcome) in outcomes.into_iter().enumerate() {
+            match outcome {
+                RunOutcome::Ran(motion) => {
+                    ran += 1;
+                    worst.and(motion);
+                }
+                RunOutcome::Refused => refused += 1,
+                RunOutcome::Broken(fault) => {
+                    broken += 1;
+                    let robot = &robots[index / EACH].name;
+                    println!("{kind:?} of {robot}, seed {}: {fault}", index % EACH);
                 }
             }
         }
@@ -67,21 +93,25 @@ fn motions_that_once_failed_are_kept() {
 
 #[test]
 fn time_optimal_motions_never_take_longer_and_most_are_faster() {
+    const EACH: usize = 20;
+    let robots = robots();
     for kind in [MotionKind::Spline, MotionKind::Sequence] {
         let (mut sooner, mut ran) = (0, 0);
-        for robot in robots() {
-            for seed in 0..20 {
-                let Some(([uniform_s, fastest_s], _)) = compared(kind, &robot, seed) else {
-                    continue;
-                };
-                assert!(
-                    fastest_s <= uniform_s + 2e-3,
-                    "{kind:?} of {}, seed {seed}: {fastest_s} s, uniform {uniform_s} s",
-                    robot.name
-                );
-                ran += 1;
-                sooner += usize::from(fastest_s < 0.98 * uniform_s);
-            }
+        let results = on_all_processors(robots.len() * EACH, |index| {
+            compared(kind, &robots[index / EACH], (index % EACH) as u64)
+        });
+        for (index, result) in results.into_iter().enumerate() {
+            let Some(([uniform_s, fastest_s], _)) = result else {
+                continue;
+            };
+            assert!(
+                fastest_s <= uniform_s + 2e-3,
+                "{kind:?} of {}, seed {}: {fastest_s} s, uniform {uniform_s} s",
+                robots[index / EACH].name,
+                index % EACH
+            );
+            ran += 1;
+            sooner += usize::from(fastest_s < 0.98 * uniform_s);
         }
         assert!(2 * sooner > ran && ran > 20, "{kind:?}: {sooner} of {ran}");
     }

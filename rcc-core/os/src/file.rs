@@ -1,9 +1,9 @@
 //! Reads files that may be anything: a pipe without a writer, an endless device, a folder, ten gigabytes. Nothing here
-//! waits for another process, except [`read_given`] on a pipe, and nothing reads more than its limit.
+//! waits for another process, except [`read_given`] on a pipe, and nothing reads more than its limit. Replaces small files whole.
 
 use std::fmt;
-use std::fs::{File, FileType, Metadata, OpenOptions};
-use std::io::{self, Read};
+use std::fs::{self, File, FileType, Metadata, OpenOptions};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
@@ -113,6 +113,39 @@ pub fn read_stream(source: impl Read, max: u64) -> io::Result<String> {
     text(bytes)
 }
 
+/// Who may read a file that is replaced; its owner may write it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Readers {
+    /// Its owner.
+    Owner,
+    /// Whom the process's umask allows.
+    Anybody,
+}
+
+/// Replaces a file, or makes it: the bytes are written beside it and renamed, so that a reader sees either the old file or the
+/// new one. Not synced: after a power cut it may be the old one.
+///
+/// # Errors
+/// Returns the error from the system; the file is as it was.
+pub fn replace(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
+    let beside = path.with_extension("new");
+    let mode = match readers {
+        Readers::Owner => 0o600,
+        Readers::Anybody => 0o666,
+    };
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(mode);
+    let written = options
+        .open(&beside)
+        .and_then(|mut file| file.write_all(bytes))
+        .and_then(|()| fs::rename(&beside, path));
+    if written.is_err() {
+        // Of no use to anybody; if it stays, the next one overwrites it.
+        let _ = fs::remove_file(&beside);
+    }
+    written
+}
+
 fn take(source: impl Read, max: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
     source.take(max.saturating_add(1)).read_to_end(bytes)?;
     if bytes.len() as u64 > max {
@@ -158,6 +191,30 @@ mod tests {
     use super::*;
     use rcc_testing::folder;
     use std::os::unix::net::UnixListener;
+
+    #[test]
+    fn a_file_is_replaced_whole_or_not_at_all() -> io::Result<()> {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = folder();
+        let path = folder.path().join("state.json");
+        replace(&path, b"old", Readers::Owner)?;
+        // A reader that has opened the old file goes on reading it.
+        let mut old = File::open(&path)?;
+        replace(&path, b"new and longer", Readers::Owner)?;
+        let mut text = String::new();
+        old.read_to_string(&mut text)?;
+        assert_eq!(text, "old");
+        assert_eq!(read_text(&path, 100)?, "new and longer");
+        assert_eq!(fs::metadata(&path)?.permissions().mode() & 0o777, 0o600);
+        assert_eq!(fs::read_dir(folder.path())?.count(), 1);
+        // A folder stands where the file should be: refused, and nothing is left beside it.
+        let taken = folder.path().join("taken");
+        fs::create_dir(&taken)?;
+        fs::write(taken.join("file"), "")?;
+        assert!(replace(&taken, b"text", Readers::Anybody).is_err());
+        assert_eq!(fs::read_dir(folder.path())?.count(), 2);
+        Ok(())
+    }
 
     fn said(result: io::Result<impl fmt::Debug>) -> String {
         result.map_or_else(|error| error.to_string(), |read| format!("{read:?}"))

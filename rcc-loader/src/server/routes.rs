@@ -299,7 +299,7 @@ async fn values(
 async fn cancel(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-    Extension(arrived): Extension<ArrivalTime>,
+    arrived: ArrivalTime,
 ) -> Result<Response, ErrorResponse> {
     stop(state, name, Operation::Cancel, arrived).await
 }
@@ -310,7 +310,7 @@ async fn cancel(
 async fn abort(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-    Extension(arrived): Extension<ArrivalTime>,
+    arrived: ArrivalTime,
 ) -> Result<Response, ErrorResponse> {
     stop(state, name, Operation::Abort, arrived).await
 }

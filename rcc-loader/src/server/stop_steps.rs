@@ -1,7 +1,11 @@
 //! Times of the steps of one CANCEL or ABORT. A slow one is logged with them, so that its cause need not be guessed.
 
+use std::convert::Infallible;
 use std::fmt;
 use std::time::{Duration, Instant};
+
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
 
 /// Time from the connection, or from the first byte on a kept-open one, above which a CANCEL or ABORT is logged.
 const SLOW: Duration = Duration::from_millis(20);
@@ -10,6 +14,16 @@ const SLOW: Duration = Duration::from_millis(20);
 /// request on it was answered.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ArrivalTime(pub Instant);
+
+/// That of its connection; a request without one arrives now. Nothing refuses a stop.
+impl<S: Sync> FromRequestParts<S> for ArrivalTime {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<ArrivalTime, Infallible> {
+        let arrived = parts.extensions.get().copied();
+        Ok(arrived.unwrap_or_else(|| ArrivalTime(Instant::now())))
+    }
+}
 
 /// The steps so far, each with its end.
 #[derive(Debug)]

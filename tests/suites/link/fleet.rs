@@ -142,8 +142,7 @@ pub(super) struct Fleet {
 impl Fleet {
     /// Starts three cells with these arms, and waits until their gateways answer; the error says why it cannot be.
     pub fn start(arms: [Arm; 3]) -> Result<Fleet, String> {
-        let programs = std::env::var_os("RCC_LINK").map(PathBuf::from);
-        let programs = programs.ok_or("needs RCC_LINK, the folder of rcc-link: run .ci/link")?;
+        let programs = super::programs()?;
         let base = repository().join("configs/cells/by-joints.yaml");
         let mut authority = None;
         let mut endpoints = Vec::new();

@@ -81,8 +81,7 @@ fn cell(namespace: &str, further: &str) -> TestCell {
 impl CellPair {
     /// Starts both cells and the gateway of A; the error says why it cannot be.
     pub fn start() -> Result<CellPair, String> {
-        let programs = std::env::var_os("RCC_LINK").map(PathBuf::from);
-        let programs = programs.ok_or("needs RCC_LINK, the folder of rcc-link: run .ci/link")?;
+        let programs = super::programs()?;
         let shown = programs.join("rcc-link-device");
         let shown = shown.display();
         let hosts = Hosts::new()?;
@@ -173,7 +172,10 @@ impl CellPair {
 
     /// The value is null, and the arm comes to rest and stays there.
     pub fn assert_rests(&self) {
-        assert_eq!(self.value("gone.out"), Ok(Value::Bool(true)));
+        await_told("the value to be null", || match self.value("gone.out")? {
+            Value::Bool(true) => Ok(()),
+            other => Err(format!("gone.out is {other}")),
+        });
         await_told("the arm to rest", || {
             let velocity = self.value("move.velocity")?;
             match velocity[JOINT].as_f64() {

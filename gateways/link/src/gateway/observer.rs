@@ -9,12 +9,13 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{CommandView, DeviceView, EventPage, EventView, StatusView, TopicView};
+use rcc_client::published::{PublishedTopic, streams};
 use rcc_client::{LoaderClient, RequestError};
 use rcc_protocol::pattern::wildcard;
 
 use super::cycles::CycleTime;
-use super::values::{NETS_OF_STREAM, STREAMS_MAX, ValueReader};
-use super::{GatewayOptions, News, PublishedTopic, tell};
+use super::values::ValueReader;
+use super::{GatewayOptions, News, tell};
 use crate::keys::is_topic;
 use crate::overview::CellOverview;
 
@@ -143,7 +144,8 @@ impl Observer {
 
     fn look_at_topics(&mut self, base_rate_hz: f64) -> Result<(), RequestError> {
         let views: Vec<TopicView> = self.client.get("/topics")?;
-        let published = published(&views, &self.publish);
+        let mut published = PublishedTopic::all(&views);
+        published.retain(|topic| leaves(&topic.topic, &self.publish));
         if published == self.topics {
             return Ok(());
         }
@@ -158,22 +160,17 @@ impl Observer {
         let gone: Vec<PublishedTopic> = gone.cloned().collect();
         // Release pairs with the acquire of the readers.
         let generation = self.generation.fetch_add(1, Ordering::Release) + 1;
-        let mut nets: BTreeMap<u64, Vec<PublishedTopic>> = BTreeMap::new();
-        for topic in &published {
-            nets.entry(topic.id).or_default().push(topic.clone());
-        }
-        let nets: Vec<Vec<PublishedTopic>> = nets.into_values().collect();
-        if nets.len() > NETS_OF_STREAM * STREAMS_MAX {
-            let count = nets.len();
+        let topics = published.iter().map(|topic| (topic.id, topic.clone()));
+        let (streams, left_out) = streams(topics);
+        if left_out > 0 {
             tracing::warn!(
-                "{count} nets publish topics; {} of them leave the cell",
-                NETS_OF_STREAM * STREAMS_MAX
+                "topics of {left_out} nets do not leave the cell: too many nets publish"
             );
         }
-        for chunk in nets.chunks(NETS_OF_STREAM).take(STREAMS_MAX) {
+        for topics in streams {
             let reader = ValueReader {
                 cell: self.cell.clone(),
-                topics: Arc::new(chunk.concat()),
+                topics: Arc::new(topics),
                 rate_hz: self.rate_hz.min(base_rate_hz),
                 told: self.told.clone(),
                 generation: (Arc::clone(&self.generation), generation),
@@ -223,27 +220,7 @@ impl Observer {
     }
 }
 
-/// Returns the topics of running nets that match a pattern and can be keys.
-fn published(views: &[TopicView], patterns: &[String]) -> BTreeSet<PublishedTopic> {
-    let mut found = BTreeSet::new();
-    for view in views {
-        let leaves = patterns
-            .iter()
-            .any(|pattern| wildcard(pattern, &view.topic));
-        if !leaves || !is_topic(&view.topic) {
-            continue;
-        }
-        let running = view.publishers.iter();
-        for end in running.filter(|end| end.is_active()) {
-            found.insert(PublishedTopic {
-                topic: view.topic.clone(),
-                ty: view.ty.clone(),
-                unit: view.unit.clone(),
-                id: end.id,
-                net: end.net.clone(),
-                primitive: end.primitive.clone(),
-            });
-        }
-    }
-    found
+/// Returns true for a topic that matches a pattern and can be a key.
+fn leaves(topic: &str, patterns: &[String]) -> bool {
+    is_topic(topic) && patterns.iter().any(|pattern| wildcard(pattern, topic))
 }

@@ -6,17 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 
+use rcc_client::published::PublishedTopic;
 use rcc_client::{Cell, ClientError};
 use rcc_process::helpers;
 
-use super::{News, PublishedTopic, tell};
-
-/// The output of `Publish`: what the topic has.
-pub(super) const PORT: &str = "out";
-/// Nets of one stream; a limit of the loader.
-pub(super) const NETS_OF_STREAM: usize = 8;
-/// Streams that one client may have besides others; a limit of the loader.
-pub(super) const STREAMS_MAX: usize = 4;
+use super::{News, tell};
 
 pub(super) struct ValueReader {
     pub cell: String,
@@ -39,10 +33,7 @@ impl ValueReader {
 
     fn read(&self) -> Result<(), ClientError> {
         let cell = Cell::local(&self.cell)?;
-        let ports = self.topics.iter();
-        let ports =
-            ports.map(|topic| format!("{}#{}/{}.{PORT}", topic.net, topic.id, topic.primitive));
-        let ports: Vec<String> = ports.collect();
+        let ports: Vec<String> = self.topics.iter().map(PublishedTopic::path).collect();
         let ports: Vec<&str> = ports.iter().map(String::as_str).collect();
         let (present, own) = &self.generation;
         for sample in cell.watch(&ports, self.rate_hz)? {

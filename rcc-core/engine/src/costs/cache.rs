@@ -5,12 +5,12 @@
 //! `$XDG_CACHE_HOME/rcc`, else `~/.cache/rcc`.
 
 use std::fs;
-use std::io::{self, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use rcc_core::{fnv, primitives};
+use rcc_os::file::{self, Readers};
 
 use super::Costs;
 
@@ -47,7 +47,7 @@ pub fn costs(refresh: bool) -> (Costs, CostsSource) {
 pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, CostsSource) {
     let key = key();
     let path = folder.join(format!("{PREFIX}{:016x}", hash(&key)));
-    let kept = rcc_os::file::read_text(&path, BYTES_MAX).ok();
+    let kept = file::read_text(&path, BYTES_MAX).ok();
     if let Some(costs) = kept.filter(|_| !refresh).and_then(|text| read(&text, &key)) {
         return (costs, CostsSource::Read(path));
     }
@@ -88,26 +88,11 @@ fn read(text: &str, key: &str) -> Option<Costs> {
     if whole { Costs::parse(costs) } else { None }
 }
 
-/// Replaces the file atomically: a concurrent reader sees the old one or the new one.
 fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     let body = format!("{key}\n{}", costs.text());
-    let new = path.with_extension(format!("new-{}", std::process::id()));
-    let mut options = fs::OpenOptions::new();
-    let mut file = options
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(0o600)
-        .open(&new)?;
-    let written = file
-        .write_all(format!("{body}end {:016x}\n", hash(&body)).as_bytes())
-        .and_then(|()| fs::rename(&new, path));
-    if written.is_err() {
-        // Cleaning up is best effort; the original error is returned.
-        let _ = fs::remove_file(&new);
-    }
-    written?;
+    let text = format!("{body}end {:016x}\n", hash(&body));
+    file::replace(path, text.as_bytes(), Readers::Owner)?;
     forget_oldest(folder)
 }
 

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
@@ -16,6 +16,7 @@ use std::time::Duration;
 use rcc_config::DeviceConfig;
 use rcc_core::message::{DeviceState, JOINTS_MAX, Measurement};
 use rcc_ipc::Cell;
+use rcc_os::file::{self, Readers};
 use rcc_os::process_instance::ProcessInstance;
 use rcc_process::Helpers;
 use serde::Serialize;
@@ -284,18 +285,9 @@ impl DiagnosisWriter {
                 .as_ref()
                 .map_or(serde_json::Value::Null, |link| link.link()),
         };
-        write_atomically(
-            &self.path,
-            &serde_json::to_vec(&content).map_err(io::Error::other)?,
-        )
+        let text = serde_json::to_vec(&content).map_err(io::Error::other)?;
+        file::replace(&self.path, &text, Readers::Anybody)
     }
-}
-
-/// Replaces the file by a rename, so that a reader sees either the old or the new content.
-fn write_atomically(path: &Path, text: &[u8]) -> io::Result<()> {
-    let beside = path.with_extension("new");
-    fs::write(&beside, text)?;
-    fs::rename(&beside, path)
 }
 
 fn now() -> u64 {

@@ -17,6 +17,8 @@ use crate::{LinkError, stop_at};
 const EVERY: Duration = Duration::from_millis(500);
 /// Time for the first overviews to arrive: each cell sends one a second.
 const FIRST: Duration = Duration::from_millis(1500);
+/// Time for the overview of each cell that is alive, where the screen is printed once.
+const ALL: Duration = Duration::from_secs(5);
 /// News of cells that wait to be drawn.
 const NEWS_MAX: usize = 4096;
 
@@ -24,6 +26,26 @@ const NEWS_MAX: usize = 4096;
 struct TopView {
     fleet: FleetState,
     news: Receiver<FleetNews>,
+}
+
+impl TopView {
+    /// Waits for the first overviews; with `all` also for those of cells that are alive and were not heard yet.
+    fn await_overviews(&mut self, all: bool) {
+        let begun = Instant::now();
+        loop {
+            let limit = match all && self.fleet.is_awaited() {
+                true => ALL,
+                false => FIRST,
+            };
+            let Ok(news) = self
+                .news
+                .recv_timeout(limit.saturating_sub(begun.elapsed()))
+            else {
+                return;
+            };
+            self.fleet.apply(news, Instant::now());
+        }
+    }
 }
 
 impl LiveView for TopView {
@@ -55,14 +77,9 @@ pub fn top(reach: &Reach, site: &str, once: bool) -> Result<(), LinkError> {
         fleet: FleetState::default(),
         news,
     };
-    let until = Instant::now() + FIRST;
-    while let Ok(news) = view
-        .news
-        .recv_timeout(until.saturating_duration_since(Instant::now()))
-    {
-        view.fleet.apply(news, Instant::now());
-    }
-    if once || !live::is_possible() {
+    let once = once || !live::is_possible();
+    view.await_overviews(once);
+    if once {
         for line in view.fleet.lines(usize::MAX, Instant::now()) {
             rcc_process::say(&line);
         }
