@@ -129,7 +129,7 @@ fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnos
         match key.name.as_str() {
             "net" => {
                 diagnostics.extend(bad_net_name(value));
-                options.name = value.name.to_string();
+                options.name.clone_from(&value.name);
             }
             "end" => options
                 .end

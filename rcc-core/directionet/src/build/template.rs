@@ -1,5 +1,7 @@
 //! Replaces a primitive by the net of its row. Runs on the loader's threads.
 
+use std::collections::HashMap;
+
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Key;
 use rcc_core::primitive::{ChannelKind, ParameterKind, Spec};
@@ -15,7 +17,7 @@ use crate::text::{self, AstArgument, AstFragment, AstPrimitive};
 struct RowExpansion<'r> {
     number: usize,
     entry: &'static TypeEntry,
-    names: Vec<(&'r str, usize)>,
+    names: HashMap<&'r str, usize>,
     made: Vec<usize>,
 }
 
@@ -30,7 +32,7 @@ impl Conversion<'_, '_> {
         let mut place = RowExpansion {
             number,
             entry,
-            names: Vec::new(),
+            names: HashMap::new(),
             made: Vec::new(),
         };
         for item in &net.items {
@@ -44,8 +46,9 @@ impl Conversion<'_, '_> {
                 continue;
             };
             let (value, _) = self.evaluate(&mut place, &item.primitive, port);
-            if let Some(output) = entry.output(&item.name.name) {
-                self.put(number, output.name, value);
+            let output = entry.output(&item.name.name);
+            if let (Some(output), Some(values)) = (output, self.values.get_mut(number)) {
+                values.insert(output.name, value);
             }
         }
         // The last primitive of the expansion takes the id of the primitive in the text.
@@ -69,9 +72,7 @@ impl Conversion<'_, '_> {
                 self.argument(place.number, place.entry, &port.name)
             }
             AstPrimitive::Named(name) => {
-                let mut names = place.names.iter();
-                let made = names.find(|(known, _)| name.name == *known);
-                let made = made.map(|(_, made)| *made);
+                let made = place.names.get(name.name.as_str()).copied();
                 (self.output(made, &port.name), span)
             }
             AstPrimitive::Typed(ty, arguments) if ty.name == "List" => {

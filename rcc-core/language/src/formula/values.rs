@@ -124,8 +124,8 @@ impl Operations {
             }
             Value::Operation(output) => Source::Link(Link {
                 from: Reference {
-                    primitive: format!("{MARK}{}", output.number).into(),
-                    port: output.port.unwrap_or("").into(),
+                    primitive: format!("{MARK}{}", output.number),
+                    port: output.port.unwrap_or("").to_owned(),
                     part: output.part,
                     span,
                     primitive_span: span,
@@ -142,7 +142,7 @@ impl Operations {
     /// Returns the primitive of an operation.
     pub fn primitive(operation: &Operation, id: &str) -> Primitive {
         let key = |name: &str| Key {
-            name: name.into(),
+            name: name.to_owned(),
             span: operation.span,
         };
         let ports: Vec<&str> = match operation.spec {
@@ -152,7 +152,7 @@ impl Operations {
         let inputs = operation.inputs.iter().zip(ports);
         let inputs = inputs.map(|((value, span), port)| {
             let port = Key {
-                name: port.into(),
+                name: port.to_owned(),
                 span: *span,
             };
             (port, Operations::source(value, *span))

@@ -65,13 +65,11 @@ impl<'a> Lowering<'a> {
         &mut self,
         output: OutputId,
         ty: Type,
-        initial: Option<&StoredValue>,
+        initial: &StoredValue,
     ) -> Option<SlotRange> {
         let (key, offset) = *self.lists.claimed.get(&output)?;
         let slot = self.block(key)?.slot + offset;
-        let null = || StoredValue::null(ty);
-        let initial = initial.cloned().unwrap_or_else(null);
-        self.arena.write(slot, &initial);
+        self.arena.write(slot, initial);
         Some(SlotRange {
             store: initial.store(),
             slot,

@@ -3,7 +3,6 @@
 use std::fmt;
 
 use rcc_config::diagnostic::Span;
-use rcc_config::yaml::ShortText;
 
 use super::part::ValuePart;
 
@@ -11,10 +10,10 @@ use super::part::ValuePart;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reference {
     /// Id of the primitive, or name of the fragment's input.
-    pub primitive: ShortText,
+    pub primitive: String,
     /// Name of the output. Empty for an input of a fragment, and if only a primitive is named, which is refused with a
     /// list of its outputs.
-    pub port: ShortText,
+    pub port: String,
     /// The selected part of the value; `None` for all of it.
     pub part: Option<ValuePart>,
     /// Span of the reference.
