@@ -187,7 +187,7 @@ impl FleetState {
         }
     }
 
-    /// Whether a cell is alive of which no overview has come.
+    /// Returns true while the first overview of an alive cell is missing.
     #[must_use]
     pub fn is_awaited(&self) -> bool {
         let mut cells = self.cells.values();

@@ -81,7 +81,7 @@ impl GradeRecord {
         fs::create_dir_all(folder)?;
         let path = folder.join(FILE);
         let text = serde_json::to_string_pretty(self).map_err(io::Error::other)? + "\n";
-        file::replace(&path, text.as_bytes(), Readers::Anybody)?;
+        file::replace_shared(&path, text.as_bytes(), Readers::Anybody)?;
         Ok(path)
     }
 

@@ -59,8 +59,8 @@ impl PublishedTopic {
     }
 }
 
-/// Shares topics, each with the id of its command, between as many streams as one client may have. Returns the topics of each
-/// stream, and the number of nets for which there is none.
+/// Distributes topics, each with the id of its command, over the streams that one client may have. Returns the topics of each
+/// stream, and the number of nets beyond the loader's limits, which are left out.
 #[must_use]
 pub fn streams<T>(topics: impl IntoIterator<Item = (u64, T)>) -> (Vec<Vec<T>>, usize) {
     let mut nets: BTreeMap<u64, Vec<T>> = BTreeMap::new();

@@ -10,6 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use nix::fcntl::Flock;
+use rcc_os::file;
 use rcc_protocol::{Announcement, Role};
 
 use crate::announce::AnnounceError;
@@ -183,8 +184,9 @@ pub(crate) fn remove_rest(cell: &Cell, _access: &ExclusiveAccess) -> Result<(), 
         cell.janitor_lock_file(),
         cell.prefix_file(),
         cell.running_file(),
+        file::temporary(&cell.running_file()),
         cell.next_id_file(),
-        cell.next_id_file().with_extension("new"),
+        file::temporary(&cell.next_id_file()),
     ];
     for path in ours {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;

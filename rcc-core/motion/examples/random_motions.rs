@@ -4,7 +4,7 @@
 #[path = "../tests/motions/mod.rs"]
 mod motions;
 
-use motions::{KINDS, RunOutcome, WorstCase, case, robots};
+use motions::{KINDS, Tally, case, robots};
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
@@ -25,27 +25,25 @@ fn main() {
         let robots = robots();
         for robot in (robots.iter()).filter(|of| robot.as_ref().is_none_or(|name| of.name == *name))
         {
-            let (mut worst, mut ran, mut refused, mut broken) = (WorstCase::default(), 0, 0, 0);
+            let mut tally = Tally::default();
             // Refused motions do not count.
             for seed in 0.. {
-                if ran >= count.div_ceil(robots.len() as u64) || refused > 20 * count {
+                let planned = tally.ran + tally.broken;
+                if planned >= count.div_ceil(robots.len() as u64) || tally.refused > 20 * count {
                     break;
                 }
-                match case(kind, robot, seed) {
-                    RunOutcome::Ran(motion) => {
-                        ran += 1;
-                        worst.and(motion);
-                    }
-                    RunOutcome::Refused => refused += 1,
-                    RunOutcome::Broken(fault) => {
-                        broken += 1;
-                        ran += 1;
-                        if broken <= 5 {
-                            println!("{name} of {}, seed {seed}: {fault}", robot.name);
-                        }
-                    }
+                let fault = tally.count(case(kind, robot, seed));
+                if let Some(fault) = fault.filter(|_| tally.broken <= 5) {
+                    println!("{name} of {}, seed {seed}: {fault}", robot.name);
                 }
             }
+            let Tally {
+                refused,
+                broken,
+                worst,
+                ..
+            } = tally;
+            let ran = tally.ran + broken;
             let [velocity, acceleration, jerk] = worst.parts.map(|part| 100.0 * part);
             println!(
                 "{name:14} {:12} {ran:9} {refused:8} {:9} {:8.1e} m {velocity:6.2} % {acceleration:5.2} % {jerk:5.2} % {broken:6}",

@@ -6,7 +6,7 @@ mod motions;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-use motions::{KINDS, MotionKind, RunOutcome, WorstCase, case, compared, robots};
+use motions::{KINDS, MotionKind, RunOutcome, Tally, case, compared, robots};
 
 /// Motions of each kind and robot.
 const EACH: usize = 100;
@@ -35,25 +35,22 @@ fn on_all_processors<T: Send>(count: usize, result: impl Fn(usize) -> T + Sync) 
 fn random_motions_stay_on_their_path_and_within_their_limits_under_any_override() {
     let robots = robots();
     for kind in KINDS {
-        let (mut ran, mut refused, mut broken) = (0, 0, 0);
-        let mut worst = WorstCase::default();
+        let mut tally = Tally::default();
         let outcomes = on_all_processors(robots.len() * EACH, |index| {
             case(kind, &robots[index / EACH], (index % EACH) as u64)
         });
         for (index, outcome) in outcomes.into_iter().enumerate() {
-            match outcome {
-                RunOutcome::Ran(motion) => {
-                    ran += 1;
-                    worst.and(motion);
-                }
-                RunOutcome::Refused => refused += 1,
-                RunOutcome::Broken(fault) => {
-                    broken += 1;
-                    let robot = &robots[index / EACH].name;
-                    println!("{kind:?} of {robot}, seed {}: {fault}", index % EACH);
-                }
+            if let Some(fault) = tally.count(outcome) {
+                let robot = &robots[index / EACH].name;
+                println!("{kind:?} of {robot}, seed {}: {fault}", index % EACH);
             }
         }
+        let Tally {
+            ran,
+            refused,
+            broken,
+            worst,
+        } = tally;
         println!("{kind:?}: {ran} ran, {refused} were refused, {broken} broken, {worst:?}");
         assert!(
             4 * ran > refused,

@@ -5,7 +5,7 @@ use std::fmt;
 use std::fs::{self, File, FileType, Metadata, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const MEGABYTE: u64 = 1 << 20;
 
@@ -113,22 +113,45 @@ pub fn read_stream(source: impl Read, max: u64) -> io::Result<String> {
     text(bytes)
 }
 
-/// Who may read a file that is replaced; its owner may write it.
+/// Read permission of a new file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Readers {
-    /// Its owner.
+    /// The owner.
     Owner,
-    /// Whom the process's umask allows.
+    /// As the umask of the process permits.
     Anybody,
 }
 
-/// Replaces a file, or makes it: the bytes are written beside it and renamed, so that a reader sees either the old file or the
-/// new one. Not synced: after a power cut it may be the old one.
+/// Replaces or creates a file that one process at a time writes: writes [`temporary`] and renames it, so that a reader sees either
+/// the old file or the new one. Not synced: after a power failure it may be the old one.
 ///
 /// # Errors
-/// Returns the error from the system; the file is as it was.
+/// Returns the error from the system; the file is unchanged.
 pub fn replace(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
-    let beside = path.with_extension("new");
+    replace_through(&temporary(path), path, bytes, readers)
+}
+
+/// As [`replace`], for a file that several processes may replace at the same time.
+///
+/// # Errors
+/// As [`replace`].
+pub fn replace_shared(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
+    let temporary = path.with_extension(format!("new-{}", std::process::id()));
+    replace_through(&temporary, path, bytes, readers)
+}
+
+/// Returns the temporary file of [`replace`], which a process that is killed meanwhile leaves behind.
+#[must_use]
+pub fn temporary(path: &Path) -> PathBuf {
+    path.with_extension("new")
+}
+
+fn replace_through(
+    temporary: &Path,
+    path: &Path,
+    bytes: &[u8],
+    readers: Readers,
+) -> io::Result<()> {
     let mode = match readers {
         Readers::Owner => 0o600,
         Readers::Anybody => 0o666,
@@ -136,12 +159,12 @@ pub fn replace(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
     let mut options = OpenOptions::new();
     options.write(true).create(true).truncate(true).mode(mode);
     let written = options
-        .open(&beside)
+        .open(temporary)
         .and_then(|mut file| file.write_all(bytes))
-        .and_then(|()| fs::rename(&beside, path));
+        .and_then(|()| fs::rename(temporary, path));
     if written.is_err() {
-        // Of no use to anybody; if it stays, the next one overwrites it.
-        let _ = fs::remove_file(&beside);
+        // Incomplete; the error that is returned matters more than one of this.
+        let _ = fs::remove_file(temporary);
     }
     written
 }
@@ -193,6 +216,20 @@ mod tests {
     use std::os::unix::net::UnixListener;
 
     #[test]
+    fn writers_of_a_shared_file_do_not_share_their_temporary_file() -> io::Result<()> {
+        let folder = folder();
+        let path = folder.path().join("costs");
+        // Another process is in the middle of its own replacement.
+        let other = temporary(&path);
+        fs::write(&other, "half")?;
+        replace_shared(&path, b"whole", Readers::Owner)?;
+        assert_eq!(read_text(&path, 100)?, "whole");
+        assert_eq!(read_text(&other, 100)?, "half");
+        assert_eq!(fs::read_dir(folder.path())?.count(), 2);
+        Ok(())
+    }
+
+    #[test]
     fn a_file_is_replaced_whole_or_not_at_all() -> io::Result<()> {
         use std::os::unix::fs::PermissionsExt;
         let folder = folder();
@@ -207,7 +244,7 @@ mod tests {
         assert_eq!(read_text(&path, 100)?, "new and longer");
         assert_eq!(fs::metadata(&path)?.permissions().mode() & 0o777, 0o600);
         assert_eq!(fs::read_dir(folder.path())?.count(), 1);
-        // A folder stands where the file should be: refused, and nothing is left beside it.
+        // A folder is in the file's place: refused, and no temporary file is left.
         let taken = folder.path().join("taken");
         fs::create_dir(&taken)?;
         fs::write(taken.join("file"), "")?;

@@ -8,7 +8,7 @@ use nix::sys::signal::Signal;
 use rcc_tests::cell::TestCell;
 use rcc_tests::cell_fixture::{CellFixture, await_told};
 use rcc_tests::processes::{ends_with_test, signal};
-use rcc_tests::programs::repository;
+use rcc_tests::programs::{program, repository};
 
 /// Sites of the cells, which all have the name `test`.
 pub(super) const SITES: [&str; 3] = ["lab-a", "lab-b", "lab-c"];
@@ -136,13 +136,12 @@ pub(super) struct Fleet {
     gateways: Vec<Child>,
     authority: Authority,
     endpoints: String,
-    programs: PathBuf,
 }
 
 impl Fleet {
     /// Starts three cells with these arms, and waits until their gateways answer; the error says why it cannot be.
     pub fn start(arms: [Arm; 3]) -> Result<Fleet, String> {
-        let programs = super::programs()?;
+        super::installed()?;
         let base = repository().join("configs/cells/by-joints.yaml");
         let mut authority = None;
         let mut endpoints = Vec::new();
@@ -175,7 +174,6 @@ impl Fleet {
             gateways: Vec::new(),
             authority: authority.expect("made above"),
             endpoints: endpoints.join(","),
-            programs,
         };
         for index in 0..SITES.len() {
             let gateway = fleet.gateway(index);
@@ -201,7 +199,7 @@ impl Fleet {
 
     fn gateway(&self, index: usize) -> Child {
         let cell = &self.cells[index];
-        let mut command = cell.program_at(&self.programs.join("rcc-link"));
+        let mut command = cell.program("rcc-link");
         command.arg("serve").arg("--config").arg(cell.config());
         ends_with_test(&mut command)
             .spawn()
@@ -218,7 +216,7 @@ impl Fleet {
     /// Runs `rcc-link` as a person; returns what it says, and whether it succeeded.
     pub fn link(&self, person: &str, arguments: &[&str]) -> (String, bool) {
         let [ca, certificate, key] = self.authority.files(person);
-        let mut command = Command::new(self.programs.join("rcc-link"));
+        let mut command = Command::new(program("rcc-link"));
         let command = command
             .args(arguments)
             .env("RCC_LINK_CONNECT", &self.endpoints)

@@ -1,7 +1,6 @@
 //! Cell A publishes a number, which cell B's arm follows; each in its own network namespace.
 
 use std::io::{BufRead as _, BufReader};
-use std::path::PathBuf;
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
@@ -10,7 +9,7 @@ use rcc_tests::cell::TestCell;
 use rcc_tests::cell_fixture::{CellFixture, await_some, await_told};
 use rcc_tests::census::Census;
 use rcc_tests::processes::{ends_with_test, signal};
-use rcc_tests::programs::repository;
+use rcc_tests::programs::{program, repository};
 use serde_json::Value;
 
 use super::hosts::Hosts;
@@ -63,8 +62,6 @@ pub(super) struct CellPair {
     pub a: TestCell,
     pub b: TestCell,
     gateway: Option<Child>,
-    /// Folder of the link's programs.
-    programs: PathBuf,
     pub hosts: Hosts,
 }
 
@@ -81,8 +78,8 @@ fn cell(namespace: &str, further: &str) -> TestCell {
 impl CellPair {
     /// Starts both cells and the gateway of A; the error says why it cannot be.
     pub fn start() -> Result<CellPair, String> {
-        let programs = super::programs()?;
-        let shown = programs.join("rcc-link-device");
+        super::installed()?;
+        let shown = program("rcc-link-device");
         let shown = shown.display();
         let hosts = Hosts::new()?;
         let [a, b] = &hosts.names;
@@ -97,7 +94,6 @@ impl CellPair {
             a: cell(a, &link),
             b: cell(b, &device),
             gateway: None,
-            programs,
             hosts,
         };
         pair.start_gateway();
@@ -108,7 +104,7 @@ impl CellPair {
     }
 
     pub fn start_gateway(&mut self) {
-        let mut command = self.a.program_at(&self.programs.join("rcc-link"));
+        let mut command = self.a.program("rcc-link");
         command.arg("serve").arg("--config").arg(self.a.config());
         let child = ends_with_test(&mut command).spawn();
         self.gateway = Some(child.expect("rcc-link starts"));
@@ -192,7 +188,7 @@ impl CellPair {
 
     /// Runs `rcc-link` in B; returns what it says.
     pub fn link_in_b(&self, arguments: &[&str]) -> String {
-        let mut command = self.b.program_at(&self.programs.join("rcc-link"));
+        let mut command = self.b.program("rcc-link");
         let output = command.args(arguments).output();
         let output = output.expect("rcc-link runs");
         let text = [output.stdout, output.stderr].concat();
@@ -201,7 +197,7 @@ impl CellPair {
 
     /// Runs `rcc-link` in B, which follows something, until it prints a line that contains `words`; returns that line.
     pub fn followed_in_b(&self, arguments: &[&str], words: &str) -> String {
-        let mut command = self.b.program_at(&self.programs.join("rcc-link"));
+        let mut command = self.b.program("rcc-link");
         let mut child = ends_with_test(command.args(arguments).stdout(Stdio::piped()))
             .spawn()
             .expect("rcc-link runs");

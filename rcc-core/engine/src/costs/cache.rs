@@ -92,7 +92,7 @@ fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()>
     fs::create_dir_all(folder)?;
     let body = format!("{key}\n{}", costs.text());
     let text = format!("{body}end {:016x}\n", hash(&body));
-    file::replace(path, text.as_bytes(), Readers::Owner)?;
+    file::replace_shared(path, text.as_bytes(), Readers::Owner)?;
     forget_oldest(folder)
 }
 

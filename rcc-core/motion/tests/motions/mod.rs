@@ -138,6 +138,33 @@ pub enum RunOutcome {
     Broken(String),
 }
 
+/// Numbers of random motions by outcome, and the worst of those that ran.
+#[derive(Debug, Default)]
+pub struct Tally {
+    pub ran: u64,
+    pub refused: u64,
+    pub broken: u64,
+    pub worst: WorstCase,
+}
+
+impl Tally {
+    /// Counts an outcome; returns the rule that a broken motion violated.
+    pub fn count(&mut self, outcome: RunOutcome) -> Option<String> {
+        match outcome {
+            RunOutcome::Ran(motion) => {
+                self.ran += 1;
+                self.worst.and(motion);
+            }
+            RunOutcome::Refused => self.refused += 1,
+            RunOutcome::Broken(fault) => {
+                self.broken += 1;
+                return Some(fault);
+            }
+        }
+        None
+    }
+}
+
 /// The random parameters of a motion.
 struct DrawnMotion {
     start: Joints,

@@ -17,7 +17,7 @@ use crate::{LinkError, stop_at};
 const EVERY: Duration = Duration::from_millis(500);
 /// Time for the first overviews to arrive: each cell sends one a second.
 const FIRST: Duration = Duration::from_millis(1500);
-/// Time for the overview of each cell that is alive, where the screen is printed once.
+/// Time limit for the overviews of all alive cells, with `--once`.
 const ALL: Duration = Duration::from_secs(5);
 /// News of cells that wait to be drawn.
 const NEWS_MAX: usize = 4096;
@@ -29,7 +29,7 @@ struct TopView {
 }
 
 impl TopView {
-    /// Waits for the first overviews; with `all` also for those of cells that are alive and were not heard yet.
+    /// Waits for the first overviews; with `all`, longer, until each alive cell has sent one.
     fn await_overviews(&mut self, all: bool) {
         let begun = Instant::now();
         loop {
