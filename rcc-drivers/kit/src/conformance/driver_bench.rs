@@ -56,7 +56,7 @@ pub struct DriverBench<S: Subject> {
     pub followed: Vec<Joints>,
     /// Result of the last exchange.
     pub last: Result<Exchange, LinkError>,
-    image: CommandImage,
+    image: Box<CommandImage>,
     now_ns: u64,
 }
 
@@ -77,7 +77,7 @@ impl<S: Subject> DriverBench<S> {
             inputs: Inputs::NONE,
             followed: Vec::new(),
             last: Err(LinkError::Silent),
-            image: CommandImage::new(1, MS),
+            image: Box::new(CommandImage::new(1, MS)),
             now_ns: 0,
         }
     }
@@ -126,7 +126,7 @@ impl<S: Subject> DriverBench<S> {
         self.write(executor);
         let image = match executor {
             ExecutorAction::Absent => None,
-            _ => Some(&self.image),
+            _ => Some(&*self.image),
         };
         self.session.observe(self.now_ns, image);
         match self.last {

@@ -45,7 +45,7 @@ pub struct TestCell {
     host: Option<JoinHandle<()>>,
     reader: Option<(Session, BoardReader<Measurement>)>,
     writer: Option<(Session, CommandWriter, Announced)>,
-    image: CommandImage,
+    image: Box<CommandImage>,
 }
 
 impl TestCell {
@@ -70,7 +70,7 @@ impl TestCell {
             host: None,
             reader: None,
             writer: None,
-            image: CommandImage::zeroed(),
+            image: Box::new(CommandImage::zeroed()),
         }
     }
 
@@ -127,7 +127,7 @@ impl TestCell {
             .announce(&announcement)
             .expect("the only executor");
         self.executor = session.incarnation();
-        self.image = CommandImage::new(self.executor, CYCLE.as_nanos() as u64);
+        *self.image = CommandImage::new(self.executor, CYCLE.as_nanos() as u64);
         self.writer = Some((session, board, announced));
     }
 

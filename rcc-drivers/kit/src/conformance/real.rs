@@ -128,7 +128,7 @@ fn listen<S: Subject>(device: &DeviceConfig) {
 fn blink<S: Subject>(device: &DeviceConfig) {
     let mut driver = S::Driver::open(device).unwrap_or_else(|error| panic!("{error}"));
     let mut session = DeviceSession::new(device, monotonic_ns());
-    let mut image = CommandImage::new(1, 1_000_000);
+    let mut image = Box::new(CommandImage::new(1, 1_000_000));
     let (begin, mut heard) = (Instant::now(), 0);
     while heard < EXCHANGES {
         let mut inputs = Inputs::NONE;

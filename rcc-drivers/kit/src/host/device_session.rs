@@ -125,6 +125,9 @@ pub struct DeviceSession {
     executor_incompatible: bool,
 }
 
+// Without optimisation a session is copied from frame to frame until it is at its place, on stacks of 2 MiB.
+const _: () = assert!(size_of::<DeviceSession>() < 16 << 10);
+
 impl DeviceSession {
     /// A session for a device that has not been reached yet.
     #[must_use]

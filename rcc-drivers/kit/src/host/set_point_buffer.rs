@@ -25,7 +25,8 @@ pub enum BufferUpdate {
 /// The newest set-points of one executor, indexed by cycle number.
 #[derive(Clone, Debug)]
 pub struct SetPointBuffer {
-    entries: [SetPoint; BUFFER_LENGTH],
+    /// [`BUFFER_LENGTH`] of them, on the heap: a session is moved through stacks of 2 MiB.
+    entries: Box<[SetPoint]>,
     /// Incarnation of the executor; 0 = none yet.
     executor: u64,
     /// Cycles `oldest..=newest` are buffered; none if `newest` is 0.
@@ -38,7 +39,7 @@ pub struct SetPointBuffer {
 impl Default for SetPointBuffer {
     fn default() -> Self {
         Self {
-            entries: [SetPoint::NONE; BUFFER_LENGTH],
+            entries: vec![SetPoint::NONE; BUFFER_LENGTH].into(),
             executor: 0,
             oldest: 1,
             newest: 0,
