@@ -111,11 +111,30 @@ const fn is_before(a: &str, b: &str) -> bool {
 /// Maximum number of kernels of one primitive.
 pub const KERNELS_MAX: usize = 8;
 
+/// Where the names of each first byte begin in the catalogue, and those of the next one.
+static INITIALS: [u16; 129] = initials();
+
+#[allow(clippy::indexing_slicing)] // As above.
+const fn initials() -> [u16; 129] {
+    let mut initials = [0; 129];
+    let (mut byte, mut row) = (0, 0);
+    while byte < initials.len() {
+        while row < CATALOGUE.len() && (CATALOGUE[row].spec.name.as_bytes()[0] as usize) < byte {
+            row += 1;
+        }
+        initials[byte] = row as u16;
+        byte += 1;
+    }
+    initials
+}
+
 /// Finds a primitive by name.
 pub fn find(name: &str) -> Option<(usize, &'static CatalogueEntry)> {
-    let index = CATALOGUE
-        .binary_search_by_key(&name, |entry| entry.spec.name)
-        .ok()?;
+    let first = usize::from(*name.as_bytes().first()?);
+    let (from, to) = (*INITIALS.get(first)?, *INITIALS.get(first + 1)?);
+    let rows = CATALOGUE.get(usize::from(from)..usize::from(to))?;
+    let index = rows.binary_search_by_key(&name, |entry| entry.spec.name);
+    let index = usize::from(from) + index.ok()?;
     Some((index, CATALOGUE.get(index)?))
 }
 

@@ -111,7 +111,7 @@ impl Reader {
             let others = node.map().unwrap_or(&[]).iter();
             let others = others.filter(|entry| !WRAPPERS.contains(&entry.key.name.as_str()));
             for other in others.filter(|entry| has_values(&entry.value)) {
-                self.unused.push(other.key.name.clone());
+                self.unused.push(other.key.name.to_string());
             }
             // A DisplayTrajectory of MoveIt has a list of them.
             node = match inner.list() {

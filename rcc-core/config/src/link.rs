@@ -330,7 +330,7 @@ fn starts(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<BTreeMap<Str
             reader.name(text, node.span, "a net", NET_NAME)
         });
         match nets {
-            Some(nets) => drop(starts.insert(key.name.clone(), nets)),
+            Some(nets) => drop(starts.insert(key.name.to_string(), nets)),
             None => valid = false,
         }
     }

@@ -6,14 +6,16 @@ pub mod annotated;
 mod common_forms;
 pub mod layout;
 pub mod scalar;
+mod tree;
 
 use std::borrow::Cow;
-use std::collections::HashSet;
 
-use granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
+use compact_str::CompactString;
+use granit_parser::Parser;
 use rcc_core::printable::first_unprintable;
 
 use crate::diagnostic::{Diagnostic, Span};
+use tree::TreeBuilder;
 
 /// Maximum length of a text, bytes.
 pub const BYTES_MAX: usize = 4 << 20;
@@ -30,6 +32,9 @@ pub const TOO_LARGE: &str = "RCC1003";
 pub const NOT_SUPPORTED: &str = "RCC1004";
 /// A key or a text contains an unprintable character, which could control the terminal of a reader.
 pub const UNPRINTABLE: &str = "RCC1005";
+
+/// A text of the tree. Most are names and links of at most 24 bytes, which need no memory of their own.
+pub type ShortText = CompactString;
 
 /// A value and its position.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +57,7 @@ pub enum Value {
     /// Any other finite number.
     Real(f64),
     /// Everything else, and every quoted value.
-    Text(String),
+    Text(ShortText),
     /// A list.
     List(Vec<Node>),
     /// A mapping, in the order of the text, without duplicate keys.
@@ -72,7 +77,7 @@ pub struct Entry {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     /// The text.
-    pub name: String,
+    pub name: ShortText,
     /// Position.
     pub span: Span,
 }
@@ -146,7 +151,7 @@ impl Node {
             Value::List(nodes) => nodes.iter().map(Node::to_json).collect(),
             Value::Map(entries) => {
                 let pairs = entries.iter();
-                let pairs = pairs.map(|entry| (entry.key.name.clone(), entry.value.to_json()));
+                let pairs = pairs.map(|entry| (entry.key.name.to_string(), entry.value.to_json()));
                 Json::Object(pairs.collect())
             }
         }
@@ -234,200 +239,6 @@ fn unquoted_part(text: &str, bracket: usize) -> Option<&str> {
     (begin < bracket).then(|| &text[begin..bracket + end + 2])
 }
 
-/// A list or mapping that is being parsed.
-enum OpenNode {
-    List(Vec<Node>),
-    Map {
-        entries: Vec<Entry>,
-        /// Names of all entries, once there are many.
-        keys: HashSet<String>,
-        /// The key whose value comes next, and whether it is the first one with its name.
-        key: Option<(Key, bool)>,
-    },
-}
-
-/// Up to this number of entries a name is looked for in the entries themselves.
-const FEW_ENTRIES: usize = 16;
-
-/// Whether a mapping has no entry of this name yet.
-fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<String>) -> bool {
-    if entries.len() < FEW_ENTRIES {
-        return entries.iter().all(|entry| entry.key.name != name);
-    }
-    if keys.is_empty() {
-        keys.extend(entries.iter().map(|entry| entry.key.name.clone()));
-    }
-    keys.insert(name.to_owned())
-}
-
-struct TreeBuilder<'a> {
-    text: &'a str,
-    stack: Vec<(OpenNode, Span)>,
-    documents: usize,
-    root: Option<Node>,
-    faults: Vec<Diagnostic>,
-}
-
-impl<'a> TreeBuilder<'a> {
-    fn new(text: &'a str) -> TreeBuilder<'a> {
-        TreeBuilder {
-            text,
-            stack: Vec::new(),
-            documents: 0,
-            root: None,
-            faults: Vec::new(),
-        }
-    }
-
-    fn finish(self) -> (Option<Node>, Vec<Diagnostic>) {
-        let null = Node {
-            value: Value::Null,
-            span: Span::new(0, 0),
-        };
-        (Some(self.root.unwrap_or(null)), self.faults)
-    }
-
-    fn take(&mut self, event: Event<'a>, span: ParserSpan) -> Result<(), Box<Diagnostic>> {
-        let place = self.place(span);
-        let refuse = |what: &str, help: &str| {
-            let message = format!("{what} are not supported");
-            let fault = Diagnostic::error(NOT_SUPPORTED, place, message);
-            Err(Box::new(fault.help(help)))
-        };
-        match event {
-            Event::DocumentStart(..) => {
-                self.documents += 1;
-                if self.documents > 1 {
-                    return refuse("several documents in one file", "use one file each");
-                }
-                Ok(())
-            }
-            Event::Alias(_) | Event::UnresolvedAlias(_) | Event::Anchor(..) => {
-                refuse("anchors and aliases", "write the value where it is used")
-            }
-            Event::Scalar(_, _, anchor, _)
-            | Event::SequenceStart(_, anchor, _)
-            | Event::MappingStart(_, anchor, _)
-                if anchor != 0 =>
-            {
-                refuse("anchors and aliases", "write the value where it is used")
-            }
-            Event::Scalar(_, _, _, Some(_))
-            | Event::SequenceStart(_, _, Some(_))
-            | Event::MappingStart(_, _, Some(_)) => refuse(
-                "tags (`!…`)",
-                "remove the tag; quote a value to keep it text",
-            ),
-            Event::Scalar(text, style, ..) => self.scalar(text, style, place),
-            Event::SequenceStart(..) => self.open_list(place),
-            Event::MappingStart(..) => self.open_map(place),
-            Event::SequenceEnd | Event::MappingEnd => self.close(place),
-            _ => Ok(()),
-        }
-    }
-
-    fn place(&self, span: ParserSpan) -> Span {
-        let range = span.byte_range().unwrap_or_default();
-        let end = range.end.min(self.text.len());
-        Span::new(range.start.min(end), end)
-    }
-
-    fn scalar(
-        &mut self,
-        text: Cow<'a, str>,
-        style: ScalarStyle,
-        span: Span,
-    ) -> Result<(), Box<Diagnostic>> {
-        self.faults.extend(unprintable(&text, span));
-        if let Some((OpenNode::Map { entries, keys, key }, _)) = self.stack.last_mut()
-            && key.is_none()
-        {
-            let first = is_new(&text, entries, keys);
-            let name = text.into_owned();
-            if !first {
-                let message = format!("`{name}` is given twice in one mapping");
-                let fault = Diagnostic::error(DUPLICATE_KEY, span, message).label("given before");
-                self.faults.push(fault.help("keep one of them"));
-            }
-            *key = Some((Key { name, span }, first));
-            return Ok(());
-        }
-        let value = if style == ScalarStyle::Plain {
-            plain(text)
-        } else {
-            Value::Text(text.into_owned())
-        };
-        self.put(Node { value, span })
-    }
-
-    fn open_list(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
-        self.open(OpenNode::List(Vec::new()), span)
-    }
-
-    fn open_map(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
-        let map = OpenNode::Map {
-            entries: Vec::new(),
-            keys: HashSet::new(),
-            key: None,
-        };
-        self.open(map, span)
-    }
-
-    fn open(&mut self, open: OpenNode, span: Span) -> Result<(), Box<Diagnostic>> {
-        if let Some((OpenNode::Map { key: None, .. }, _)) = self.stack.last() {
-            let fault =
-                Diagnostic::error(NOT_SUPPORTED, span, "a list or mapping is used as a key");
-            return Err(Box::new(fault.help("a key is plain text")));
-        }
-        if self.stack.len() >= DEPTH_MAX {
-            let message = format!("lists and mappings are nested more than {DEPTH_MAX} deep");
-            let fault = Diagnostic::error(TOO_LARGE, span, message);
-            return Err(Box::new(fault.label("here")));
-        }
-        self.stack.push((open, span));
-        Ok(())
-    }
-
-    fn close(&mut self, end: Span) -> Result<(), Box<Diagnostic>> {
-        let Some((open, start)) = self.stack.pop() else {
-            return Ok(());
-        };
-        // The parser ends a block collection where the next token begins; its text ends earlier.
-        let inside = match &open {
-            OpenNode::List(nodes) => nodes.last().map_or(start.end, |node| node.span.end),
-            OpenNode::Map { entries, .. } => entries
-                .last()
-                .map_or(start.end, |entry| entry.value.span.end),
-        };
-        let span = Span::new(
-            start.start,
-            if end.end > end.start { end.end } else { inside },
-        );
-        let value = match open {
-            OpenNode::List(nodes) => Value::List(nodes),
-            OpenNode::Map { entries, .. } => Value::Map(entries),
-        };
-        self.put(Node { value, span })
-    }
-
-    fn put(&mut self, node: Node) -> Result<(), Box<Diagnostic>> {
-        match self.stack.last_mut() {
-            Some((OpenNode::List(nodes), _)) => nodes.push(node),
-            Some((OpenNode::Map { entries, key, .. }, _)) => match key.take() {
-                Some((key, true)) => entries.push(Entry { key, value: node }),
-                Some((_, false)) => {}
-                None => {
-                    let message = "a list or mapping is used as a key";
-                    let fault = Diagnostic::error(NOT_SUPPORTED, node.span, message);
-                    return Err(Box::new(fault));
-                }
-            },
-            None => self.root = Some(node),
-        }
-        Ok(())
-    }
-}
-
 /// Reports an unprintable character: names from nets and configurations are printed by every program of a cell.
 fn unprintable(text: &str, span: Span) -> Option<Diagnostic> {
     // Nearly all texts are ASCII, which is checked faster.
@@ -450,7 +261,7 @@ fn plain(text: Cow<'_, str>) -> Value {
         "false" => return Value::Bool(false),
         _ => {}
     }
-    number(&text).unwrap_or_else(|| Value::Text(text.into_owned()))
+    number(&text).unwrap_or_else(|| Value::Text(text.into()))
 }
 
 /// Parses a number as in JSON, also with a leading `+` or with digits on only one side of the point.

@@ -10,8 +10,10 @@ mod special;
 mod template;
 mod units;
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
 
+use foldhash::{HashMap, HashMapExt, HashSet, HashSetExt};
 use rcc_config::diagnostic::{Diagnostic, NameSearch, Span};
 use rcc_config::yaml::Key;
 use rcc_core::unit::Unit;
@@ -89,7 +91,7 @@ struct Conversion<'t, 'f> {
     flat: &'f FlatNet<'t>,
     entries: Vec<Option<&'static TypeEntry>>,
     /// Values of the outputs, by primitive of the text.
-    values: Vec<HashMap<&'static str, BuiltValue>>,
+    values: Vec<Vec<(&'static str, BuiltValue)>>,
     built: Vec<BuiltPrimitive>,
     /// Primitives that serve several others, by key: unit casts, `JointState`, last known values.
     shared: HashMap<String, usize>,
@@ -98,8 +100,8 @@ struct Conversion<'t, 'f> {
     keys: Vec<(String, BuiltValue)>,
     /// The `Pre` primitives of the text, with their conditions.
     delayed: Vec<(usize, Option<BuiltValue>)>,
-    /// Outputs of the text that something reads.
-    read: HashSet<(usize, String)>,
+    /// Outputs of the text that something reads, for the types that ask for them.
+    read: OnceCell<HashSet<(usize, &'t str)>>,
     search: NameSearch,
     /// Devices that are reported as unknown.
     absent: HashSet<String>,
@@ -124,13 +126,13 @@ pub fn build(
         diagnostics,
         flat,
         entries: Vec::new(),
-        values: vec![HashMap::new(); flat.primitives.len()],
+        values: vec![Vec::new(); flat.primitives.len()],
         built: Vec::new(),
         shared: HashMap::new(),
         arms: BTreeMap::new(),
         keys: Vec::new(),
         delayed: Vec::new(),
-        read: flat.reads(),
+        read: OnceCell::new(),
         search: NameSearch::default(),
         absent: HashSet::new(),
         misread: HashSet::new(),
@@ -250,8 +252,8 @@ impl<'t> Conversion<'t, '_> {
         let Some(entry) = self.entries.get(primitive).copied().flatten() else {
             return BuiltValue::Refused;
         };
-        let known = self.values.get(primitive);
-        if let Some(value) = known.and_then(|values| values.get(port.name.as_str())) {
+        let mut known = self.values.get(primitive).into_iter().flatten();
+        if let Some((_, value)) = known.find(|(known, _)| port.name == *known) {
             return value.clone();
         }
         if entry.output(&port.name).is_none() {

@@ -156,7 +156,7 @@ fn argument(argument: &AstArgument) -> String {
 
 fn primitive(from: &AstPrimitive) -> String {
     match from {
-        AstPrimitive::Named(name) => name.name.clone(),
+        AstPrimitive::Named(name) => name.name.to_string(),
         AstPrimitive::Typed(ty, arguments) => {
             let arguments: Vec<String> = arguments
                 .iter()

@@ -1,8 +1,9 @@
 //! Flattens fragments: every primitive gets its path, and every link is followed through fragment boundaries to its
 //! source. Handles names only, no types. Runs on the loader's threads.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::cell::OnceCell;
 
+use foldhash::{HashMap, HashMapExt, HashSet, HashSetExt};
 use rcc_config::diagnostic::{Diagnostic, NameSearch, Span};
 use rcc_config::yaml::Key;
 use rcc_language::codes;
@@ -12,6 +13,9 @@ use super::text::{self, AstArgument, AstFragment, AstItem, AstValue};
 
 /// Most fragment boundaries that one link may cross; beyond that it is a cycle.
 const BORDERS_MAX: usize = 4 * text::DEPTH_MAX;
+
+/// Up to this number of arguments a name is looked for in the arguments themselves.
+const FEW_ARGUMENTS: usize = 16;
 
 /// A net without fragments.
 #[derive(Debug, Default)]
@@ -42,10 +46,10 @@ pub struct FlatPrimitive<'t> {
     pub active: Vec<FlatSource<'t>>,
 }
 
-impl FlatNet<'_> {
+impl<'t> FlatNet<'t> {
     /// Returns every output that an input, a condition or the net as a whole reads.
     #[must_use]
-    pub fn reads(&self) -> HashSet<(usize, String)> {
+    pub fn reads(&self) -> HashSet<(usize, &'t str)> {
         let inputs = self.primitives.iter().flat_map(|primitive| {
             let links = primitive.inputs.iter().map(|(_, source)| source);
             links.chain(&primitive.active)
@@ -54,7 +58,7 @@ impl FlatNet<'_> {
         inputs
             .chain(outputs)
             .filter_map(|source| match source {
-                FlatSource::Output { primitive, port } => Some((*primitive, port.name.clone())),
+                FlatSource::Output { primitive, port } => Some((*primitive, port.name.as_str())),
                 FlatSource::Refused => None,
             })
             .collect()
@@ -79,9 +83,12 @@ pub enum FlatSource<'t> {
 struct FragmentScope<'t> {
     parent: Option<usize>,
     path: String,
-    /// Sorted, so that the first of several similar names is always the same.
-    names: BTreeMap<&'t str, (NameTarget, Span)>,
-    outputs: BTreeMap<&'t str, (&'t text::AstPrimitive, &'t Key)>,
+    names: HashMap<&'t str, (NameTarget, Span)>,
+    outputs: HashMap<&'t str, (&'t text::AstPrimitive, &'t Key)>,
+    /// For messages about unknown names.
+    sorted_names: OnceCell<Vec<&'t str>>,
+    /// For messages about unknown outputs.
+    sorted_outputs: OnceCell<Vec<&'t str>>,
     /// The first argument of each name.
     arguments: HashMap<&'t str, &'t AstArgument>,
 }
@@ -146,8 +153,10 @@ impl<'t> Flattener<'t, '_> {
         self.scopes.push(FragmentScope {
             parent,
             path,
-            names: BTreeMap::new(),
-            outputs: BTreeMap::new(),
+            names: HashMap::new(),
+            outputs: HashMap::new(),
+            sorted_names: OnceCell::new(),
+            sorted_outputs: OnceCell::new(),
             arguments: by_name,
         });
         self.values(parent, number, arguments);
@@ -268,7 +277,7 @@ impl<'t> Flattener<'t, '_> {
                         inner_name.push('_');
                         inner_name.push_str(shortened(&argument.name.name));
                         let name = Key {
-                            name: inner_name,
+                            name: inner_name.into(),
                             span: argument.name.span,
                         };
                         self.define_inline(scope, inner, &name);
@@ -289,9 +298,14 @@ impl<'t> Flattener<'t, '_> {
         let mut parameters = Vec::new();
         let mut inputs: Vec<(&'t Key, FlatSource<'t>)> = Vec::new();
         let mut given = HashSet::new();
-        for argument in arguments {
+        for (index, argument) in arguments.iter().enumerate() {
             self.flat.debug.extend(argument.debug);
-            if !given.insert(argument.name.name.as_str()) {
+            let name = argument.name.name.as_str();
+            let is_new = match arguments.len() <= FEW_ARGUMENTS {
+                true => arguments.iter().take(index).all(|it| it.name.name != name),
+                false => given.insert(name),
+            };
+            if !is_new {
                 let message = format!("`{}` is given twice", argument.name.name);
                 let span = argument.name.span;
                 self.diagnostics
@@ -403,7 +417,10 @@ impl<'t> Flattener<'t, '_> {
     }
 
     fn unknown(&mut self, scope: usize, name: &Key) -> Option<FlatSource<'t>> {
-        let known = self.scopes.get(scope).map(|scope| scope.names.keys());
+        let known = self.scopes.get(scope).map(|scope| {
+            let sorted = &scope.sorted_names;
+            sorted.get_or_init(|| sorted_keys(&scope.names))
+        });
         let known = known.into_iter().flatten().copied();
         let help = suggested(self.search.near(&name.name, known));
         let message = format!("this fragment has no primitive `{}`", name.name);
@@ -413,7 +430,10 @@ impl<'t> Flattener<'t, '_> {
     }
 
     fn no_output(&mut self, scope: usize, port: &Key) -> Option<FlatSource<'t>> {
-        let known = self.scopes.get(scope).map(|scope| scope.outputs.keys());
+        let known = self.scopes.get(scope).map(|scope| {
+            let sorted = &scope.sorted_outputs;
+            sorted.get_or_init(|| sorted_keys(&scope.outputs))
+        });
         let known = known.into_iter().flatten().copied();
         let help = suggested(self.search.near(&port.name, known));
         let message = format!("the fragment has no output `{}`", port.name);
@@ -421,6 +441,13 @@ impl<'t> Flattener<'t, '_> {
             .push(Diagnostic::error(codes::UNKNOWN_OUTPUT, port.span, message).help_if(help));
         Some(FlatSource::Refused)
     }
+}
+
+/// Returns the names in order, so that the first of several similar ones is always the same.
+fn sorted_keys<'t, V>(map: &HashMap<&'t str, V>) -> Vec<&'t str> {
+    let mut names: Vec<&str> = map.keys().copied().collect();
+    names.sort_unstable();
+    names
 }
 
 fn suggested(near: Option<&str>) -> Option<String> {

@@ -129,7 +129,7 @@ fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnos
         match key.name.as_str() {
             "net" => {
                 diagnostics.extend(bad_net_name(value));
-                options.name.clone_from(&value.name);
+                options.name = value.name.to_string();
             }
             "end" => options
                 .end

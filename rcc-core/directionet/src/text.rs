@@ -183,7 +183,7 @@ impl<'t> TextParser<'t> {
                     // Both are slices of the text.
                     let start = part.trim().as_ptr() as usize - self.text.as_ptr() as usize;
                     Key {
-                        name: part.trim().to_string(),
+                        name: part.trim().into(),
                         span: Span::new(start, start + part.trim().len()),
                     }
                 };
@@ -226,7 +226,7 @@ impl<'t> TextParser<'t> {
         let span = Span::new(self.at, self.at + length);
         self.at += length;
         Some(Key {
-            name: name.to_string(),
+            name: name.into(),
             span,
         })
     }

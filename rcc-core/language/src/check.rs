@@ -15,6 +15,7 @@ mod topics;
 mod types;
 
 use rcc_config::diagnostic::{Diagnostic, Severity};
+use rcc_core::primitive::{ParameterKind, Spec};
 
 use crate::infer::Typed;
 
@@ -88,4 +89,10 @@ pub fn check<'a>(net: Typed<'a>, diagnostics: &mut Vec<Diagnostic>) -> Option<Ch
     severities
         .all(|severity| severity != Severity::Error)
         .then_some(Checked(net))
+}
+
+/// Returns true if a spec has a parameter of this kind.
+fn has_parameter(spec: &Spec, kind: ParameterKind) -> bool {
+    let mut parameters = spec.parameters.iter();
+    parameters.any(|parameter| parameter.kind == kind)
 }

@@ -111,7 +111,7 @@ impl<'a> Compiler<'a> {
         words.put_into(diagnostics);
         let compiled = Compiled {
             names: names(typed, &lowered),
-            net: expanded.net.name.name.clone(),
+            net: expanded.net.name.name.to_string(),
             description: expanded.net.description.clone(),
             plan: lowered.plan,
             warnings: sources.finish(std::mem::take(diagnostics)),

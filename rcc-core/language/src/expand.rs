@@ -214,8 +214,8 @@ impl<'a> Expander<'a, '_> {
             .into_iter()
             .map(|(key, (input, shift))| InputDeclaration {
                 primitive: number,
-                input: key.name.clone(),
-                name: input.name.name.clone(),
+                input: key.name.to_string(),
+                name: input.name.name.to_string(),
                 ty: input.ty.map(|(ty, span)| (ty, shift.span(span))),
                 unit: input.unit.map(|(unit, span)| (unit, shift.span(span))),
             });
@@ -244,7 +244,7 @@ impl<'a> Expander<'a, '_> {
         region: Option<usize>,
     ) {
         let Key { name: id, span } = scope.key(&instance.id);
-        self.flat.instances.push(id.clone());
+        self.flat.instances.push(id.to_string());
         if scope.depth >= DEPTH_MAX {
             let message = format!("instances are nested more than {DEPTH_MAX} deep");
             let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, span, message);

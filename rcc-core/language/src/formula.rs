@@ -70,7 +70,7 @@ pub fn lower(
     let fragments = net.fragments.iter_mut().chain(library);
     let fragments = fragments.map(|fragment| {
         let inputs = fragment.inputs.iter();
-        let inputs = inputs.map(|input| input.name.name.clone()).collect();
+        let inputs = inputs.map(|input| input.name.name.to_string()).collect();
         (&mut fragment.primitives, &fragment.discard, inputs)
     });
     for (primitives, discard, inputs) in std::iter::once(own).chain(fragments) {

@@ -134,6 +134,12 @@ enum UnitTerm {
     None,
 }
 
+impl UnitTerm {
+    fn is_variable(self) -> bool {
+        matches!(self, UnitTerm::Variable(_))
+    }
+}
+
 impl Inferred {
     /// Returns the type of a port of item `number`; `None` if it is unknown because of an error.
     #[must_use]
@@ -201,24 +207,28 @@ impl Inferred {
     }
 
     fn source_unit(&self, graph: &NetGraph<'_>, link: &ResolvedLink<'_>) -> PartUnit {
+        let Some(part) = link.part else {
+            return PartUnit::Port;
+        };
         let whole = self.output_type(graph, link.from);
-        let part = whole.zip(link.part);
-        let part = part.and_then(|(whole, part)| Some((whole, part.of(whole)?)));
+        let part = whole.and_then(|whole| Some((whole, part.of(whole)?)));
         part.map_or(PartUnit::Port, |(whole, (offset, part))| {
             unit_of(whole, offset, part)
         })
     }
 
     fn sink_unit(&self, number: usize, port: &Port, position: ListPosition) -> PartUnit {
+        // The whole value, or each value of many.
+        if position == ListPosition::default() || matches!(port.ty, PortType::Many(_)) {
+            return PartUnit::Port;
+        }
         let joints = self.joints.get(number).copied().flatten();
         let open = self.open.get(number);
         let whole = open.and_then(|open| open.port(joints, port.ty));
         let part = whole.and_then(|whole| Some((whole, position.of(whole)?)));
-        match part {
-            _ if matches!(port.ty, PortType::Many(_)) => PartUnit::Port,
-            Some((whole, (offset, part))) => unit_of(whole, offset, part),
-            None => PartUnit::Port,
-        }
+        part.map_or(PartUnit::Port, |(whole, (offset, part))| {
+            unit_of(whole, offset, part)
+        })
     }
 
     /// Returns the type required at a position in an input's list, or the type of the whole input if it is not a list.
@@ -304,7 +314,8 @@ pub fn literals<'g>(
 }
 
 fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
-    let mut constraints = Vec::new();
+    let links = graph.items.iter().map(|item| item.inputs.len());
+    let mut constraints = Vec::with_capacity(links.sum());
     let term = |number: usize, rule: UnitRule| inferred.unit_variables.term(graph, number, rule);
     for DeclaredInput {
         item,
@@ -341,7 +352,9 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
             let sink = of(sink_unit, term(number, port.unit));
             let source = inferred.source_unit(graph, link);
             let source = of(source, term(link.from.item, from.unit));
-            constraints.push(UnitConstraint::Equal(source, sink));
+            if source.is_variable() || sink.is_variable() {
+                constraints.push(UnitConstraint::Equal(source, sink));
+            }
             for (unit, _) in link.initial.map(Literal::units).unwrap_or_default() {
                 constraints.push(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
             }

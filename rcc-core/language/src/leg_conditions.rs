@@ -49,7 +49,7 @@ fn connect_one(primitive: &mut Primitive, diagnostics: &mut Vec<Diagnostic>) {
         return;
     };
     let key = Key {
-        name: CONDITIONS.to_owned(),
+        name: CONDITIONS.into(),
         span,
     };
     let list = Source::List(List { elements, span });

@@ -297,24 +297,25 @@ impl<'a> Lowering<'a> {
             let ty = self.port_type(number, port);
             // A constant starts with its value, an input with its initial value in its first output; everything else
             // starts as null.
-            let given = || {
-                let literal = initial_value(item).filter(|_| index == 0);
-                literal.and_then(|literal| literal.stored(ty))
-            };
             let value = match item.spec().role {
-                Role::Constant | Role::Input => given(),
+                Role::Constant | Role::Input if index == 0 => {
+                    initial_value(item).and_then(|literal| literal.stored(ty))
+                }
                 _ => None,
             };
-            let value = value.unwrap_or_else(|| StoredValue::null(ty));
             if item.spec().role == Role::Constant {
+                let value = value.unwrap_or_else(|| StoredValue::null(ty));
                 return self.arena.constant(&value);
             }
             let output = OutputId {
                 item: number,
                 port: index,
             };
-            let claimed = self.claimed_slot(output, ty, &value);
-            claimed.unwrap_or_else(|| self.arena.variable(&value))
+            let claimed = self.claimed_slot(output, ty, value.as_ref());
+            claimed.unwrap_or_else(|| match &value {
+                Some(value) => self.arena.variable(value),
+                None => self.arena.null(ty),
+            })
         });
         self.slots[number].outputs = slots.collect();
     }

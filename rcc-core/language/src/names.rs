@@ -189,7 +189,7 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
             })
         });
     Names {
-        net: net.graph.net.name.name.clone(),
+        net: net.graph.net.name.name.to_string(),
         primitives: primitives.collect(),
         monitors: monitors.collect(),
         inputs: inputs(net, lowered),

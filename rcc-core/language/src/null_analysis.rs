@@ -99,7 +99,7 @@ fn origin(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>) -> Option<NullCaus
         Role::Input => Some(NullCause::NotSet),
         Role::Constant => {
             let value = item.parameters.first().copied().flatten();
-            let is_null = value.is_some_and(|value| value.shape == LiteralShape::Null);
+            let is_null = value.is_some_and(Literal::is_null);
             is_null.then_some(NullCause::Constant)
         }
         _ if item.region.is_some() => Some(NullCause::NotActive),
@@ -112,8 +112,7 @@ fn origin(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>) -> Option<NullCaus
 
 /// Returns true if a delayed link carries null in the first cycle.
 fn is_initially_null(link: &ResolvedLink<'_>) -> bool {
-    let is_null = |initial: &Literal| initial.shape == LiteralShape::Null;
-    link.delayed && link.initial.is_none_or(is_null)
+    link.delayed && link.initial.is_none_or(Literal::is_null)
 }
 
 impl NullAnalysis {
@@ -138,9 +137,7 @@ impl NullAnalysis {
 
     fn input_source(&self, input_source: &InputSource<'_>) -> Option<NullInputCause> {
         match input_source {
-            InputSource::Literal(literal) if literal.shape == LiteralShape::Null => {
-                Some(NullInputCause::Constant)
-            }
+            InputSource::Literal(literal) if literal.is_null() => Some(NullInputCause::Constant),
             InputSource::Default(Default::Null) => Some(NullInputCause::Constant),
             InputSource::Link(link) => self.link(link),
             InputSource::List(list) => list.elements.iter().find_map(|it| self.element(it)),
@@ -155,7 +152,7 @@ impl NullAnalysis {
         match element {
             ListElement::Link(link) => self.link(link),
             ListElement::Literal(literal, _) => {
-                (literal.shape == LiteralShape::Null).then_some(NullInputCause::Constant)
+                literal.is_null().then_some(NullInputCause::Constant)
             }
         }
     }

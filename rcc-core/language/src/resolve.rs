@@ -9,12 +9,11 @@ mod links;
 mod rate;
 mod suggest;
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 use rcc_core::primitive::{CatalogueEntry, Parameter, Port, Role, Spec};
-use rcc_core::primitives;
+use rcc_core::primitives::{self, CATALOGUE};
 
 use crate::codes;
 use crate::devices::DeviceTable;
@@ -84,6 +83,7 @@ pub fn resolve<'a>(
         net,
         cell,
         rate,
+        types: types_of(&items),
         items,
         discarded,
         declarations: declarations.collect(),
@@ -91,6 +91,19 @@ pub fn resolve<'a>(
         counted_as_read: resolver.counted_as_read,
         has_unknown_types,
     }
+}
+
+/// Returns the indices of the items' types in the catalogue, each once, in order.
+fn types_of(items: &[ResolvedPrimitive<'_>]) -> Vec<usize> {
+    let mut is_used = vec![false; CATALOGUE.len()];
+    for item in items {
+        if let Some(is_used) = is_used.get_mut(item.row) {
+            *is_used = true;
+        }
+    }
+    let rows = is_used.iter().enumerate();
+    rows.filter_map(|(row, is_used)| is_used.then_some(row))
+        .collect()
 }
 
 /// `active`, treated as an input.

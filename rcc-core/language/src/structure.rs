@@ -169,7 +169,7 @@ pub fn structure(net: Typed<'_>, lowered: &Lowered) -> NetStructure {
     let items = net.graph.items.iter().enumerate();
     let primitives = items.map(|(number, item)| part(net, lowered, &nulls, number, item));
     NetStructure {
-        net: net.graph.net.name.name.clone(),
+        net: net.graph.net.name.name.to_string(),
         description: net.graph.net.description.clone(),
         primitives: primitives.collect(),
         order: lowered.order.clone(),
@@ -248,7 +248,7 @@ fn activity(net: Typed<'_>, item: &ResolvedPrimitive<'_>) -> Vec<ActiveCondition
         .filter_map(|number| {
             let region = regions.get(number)?;
             Some(ActiveCondition {
-                id: region.id.name.clone(),
+                id: region.id.name.to_string(),
                 condition: condition(net, &region.condition),
             })
         })

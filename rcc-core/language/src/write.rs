@@ -88,7 +88,7 @@ trait Entries {
 
     fn ports<'a>(&mut self, key: &str, ports: impl Iterator<Item = (&'a Key, Tree)>) {
         let ports: Vec<_> = ports
-            .map(|(name, tree)| (name.name.clone(), tree))
+            .map(|(name, tree)| (name.name.to_string(), tree))
             .collect();
         if !ports.is_empty() {
             self.push(key, Tree::map(ports));
@@ -221,12 +221,12 @@ fn primitive(primitive: &Primitive) -> Tree {
     let mut entries = vec![(kind.to_string(), text(&primitive.type_name.name))];
     if !primitive.parameters.is_empty() {
         let given = primitive.parameters.iter();
-        let parameters = given.map(|(key, literal)| (key.name.clone(), literal_tree(literal)));
+        let parameters = given.map(|(key, literal)| (key.name.to_string(), literal_tree(literal)));
         entries.push(("parameters".to_string(), Tree::map(parameters)));
     }
     if !primitive.inputs.is_empty() {
         let given = primitive.inputs.iter();
-        let inputs = given.map(|(key, source)| (key.name.clone(), source_tree(source)));
+        let inputs = given.map(|(key, source)| (key.name.to_string(), source_tree(source)));
         entries.push(("inputs".to_string(), Tree::map(inputs)));
     }
     if let Some(active) = &primitive.active {
@@ -242,7 +242,7 @@ fn source_tree(source: &Source) -> Tree {
         Source::List(list) => Tree::list(list.elements.iter().map(source_tree)),
         Source::Outcomes(outcomes) => {
             let rows = outcomes.rows.iter();
-            Tree::map(rows.map(|(name, source)| (name.name.clone(), source_tree(source))))
+            Tree::map(rows.map(|(name, source)| (name.name.to_string(), source_tree(source))))
         }
         Source::Formula(formula) => text(&formula.text),
         Source::Refused => plain("null"),

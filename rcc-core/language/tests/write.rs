@@ -6,7 +6,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use rcc_config::diagnostic::Span;
-use rcc_config::yaml::{self, Key};
+use rcc_config::yaml::{self, Key, ShortText};
 use rcc_core::printable::first_unprintable;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
@@ -127,7 +127,7 @@ fn long_entries_are_written_on_several_lines() {
 
 fn key() -> impl Strategy<Value = Key> {
     "[a-z][a-z0-9_]{0,12}".prop_map(|name| Key {
-        name,
+        name: name.into(),
         span: Span::default(),
     })
 }
@@ -318,13 +318,13 @@ fn net() -> impl Strategy<Value = Net> {
     (key(), any_text(), any::<bool>(), rest).prop_map(
         |(name, description, survives_device_loss, rest)| {
             let (timing, uses, fragments, primitives, discard) = rest;
-            let path = |name| Key {
-                name,
+            let path = |name: String| Key {
+                name: name.into(),
                 span: Span::default(),
             };
             Net {
                 name: Key {
-                    name: name.name.replace('_', "-"),
+                    name: name.name.replace('_', "-").into(),
                     ..name
                 },
                 description,
@@ -360,7 +360,7 @@ fragments:
     );
 }
 
-fn unique<T>(values: Vec<T>, name: impl Fn(&T) -> &String) -> Vec<T> {
+fn unique<T>(values: Vec<T>, name: impl Fn(&T) -> &ShortText) -> Vec<T> {
     let mut seen = std::collections::HashSet::new();
     let mut kept = Vec::new();
     for value in values {

@@ -50,13 +50,13 @@ pub(super) fn smooth(net: &mut Net, cutoff_hz: f64) -> Result<Smoothed, Failure>
     let mut ids = Ids(net
         .primitives
         .iter()
-        .map(|one| one.id.name.clone())
+        .map(|one| one.id.name.to_string())
         .collect());
     let settling_s = SETTLING / (TAU * cutoff_hz);
     let settling_s = (settling_s * 1e3).ceil() / 1e3;
     let (mut filters, mut primitives) = (0, Vec::new());
     for mut primitive in std::mem::take(&mut net.primitives) {
-        let id = primitive.id.name.clone();
+        let id = primitive.id.name.to_string();
         match primitive.type_name.name.as_str() {
             "JointPositionCommand" => {
                 for (_, source) in &mut primitive.inputs {
@@ -140,7 +140,7 @@ impl Ids {
 
 fn key(name: &str) -> Key {
     Key {
-        name: name.to_owned(),
+        name: name.into(),
         span: NOWHERE,
     }
 }
@@ -148,8 +148,8 @@ fn key(name: &str) -> Key {
 fn link(primitive: &str) -> Source {
     Source::Link(Link {
         from: Reference {
-            primitive: primitive.to_owned(),
-            port: "out".to_owned(),
+            primitive: primitive.into(),
+            port: "out".into(),
             part: None,
             span: NOWHERE,
             primitive_span: NOWHERE,

@@ -22,7 +22,7 @@ use crate::reader::{CELL_NAME, ConfigReader, DEVICE_NAME, Fields, QuantityRange,
 use crate::recorder;
 use crate::robot::{self, RobotConfig};
 use crate::workspace;
-use crate::yaml::{Entry, Node, Value};
+use crate::yaml::{Entry, Node, ShortText, Value};
 
 pub const KEYS: [&str; 12] = [
     "cell",
@@ -311,7 +311,7 @@ impl CellFileReader<'_> {
 
     /// Checks that each simulator names a device of this cell.
     fn check_simulators(&mut self, cell: &Fields<'_>) {
-        let names = |key: &str| -> Vec<String> {
+        let names = |key: &str| -> Vec<ShortText> {
             let entries = cell.get(key).map(|node| &node.value);
             match entries {
                 Some(Value::Map(entries)) => {
@@ -550,7 +550,7 @@ impl CellFileReader<'_> {
             Value::Map(entries) => {
                 let pairs = entries
                     .iter()
-                    .map(|Entry { key, value }| Some((key.name.clone(), self.json(value)?)));
+                    .map(|Entry { key, value }| Some((key.name.to_string(), self.json(value)?)));
                 Some(Json::Object(pairs.collect::<Option<_>>()?))
             }
             _ => Some(node.to_json()),

@@ -127,12 +127,12 @@ impl Tree {
             Value::Bool(value) => Tree::Plain(value.to_string()),
             Value::Int(value) => Tree::Plain(value.to_string()),
             Value::Real(value) => Tree::Plain(scalar::real(*value)),
-            Value::Text(text) => Tree::Text(text.clone()),
+            Value::Text(text) => Tree::Text(text.to_string()),
             Value::List(nodes) => Tree::list(nodes.iter().map(Tree::of)),
             Value::Map(entries) => Tree::map(
                 entries
                     .iter()
-                    .map(|entry| (entry.key.name.clone(), Tree::of(&entry.value))),
+                    .map(|entry| (entry.key.name.to_string(), Tree::of(&entry.value))),
             ),
         }
     }

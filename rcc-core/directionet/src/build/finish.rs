@@ -1,10 +1,9 @@
 //! Completes a conversion: commands of whole arms, termination, ids, links and discarded outputs. Runs on the loader's
 //! threads.
 
-use std::collections::{HashMap, HashSet};
-
+use foldhash::{HashMap, HashMapExt, HashSet, HashSetExt};
 use rcc_config::diagnostic::{Diagnostic, Span};
-use rcc_config::yaml::Key;
+use rcc_config::yaml::{Key, ShortText};
 use rcc_core::counted::Counted;
 use rcc_language::codes;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
@@ -20,7 +19,7 @@ use crate::flatten::FlatSource;
 /// Converts a name of the predecessor to an id: lowercase letters, digits and `_`, beginning with a letter.
 #[must_use]
 pub fn id(name: &str) -> String {
-    let mut id = String::new();
+    let mut id = String::with_capacity(name.len() + 1);
     for c in name.chars() {
         match c {
             'a'..='z' | '0'..='9' | '_' => id.push(c),
@@ -48,8 +47,8 @@ impl Conversion<'_, '_> {
         let delayed = self.delayed_values();
         let order = self.order_of_the_text();
         let ids = self.ids(&order);
-        let mut read = HashSet::new();
-        let mut primitives = Vec::new();
+        let mut read = HashSet::with_capacity(order.len());
+        let mut primitives = Vec::with_capacity(order.len());
         for made in &order {
             let Some(built) = self.built.get(*made) else {
                 continue;
@@ -63,7 +62,7 @@ impl Conversion<'_, '_> {
         let discard = self.discard(&order, &ids, &read);
         Net {
             name: Key {
-                name: self.options.name.clone(),
+                name: self.options.name.as_str().into(),
                 span: Span::default(),
             },
             description: "made from DirectIONet".to_string(),
@@ -252,15 +251,13 @@ impl Conversion<'_, '_> {
                 continue;
             };
             for (_, value, _) in &built.inputs {
-                for output in outputs_in(value) {
-                    let is_shared = self
-                        .built
-                        .get(output.primitive)
-                        .is_some_and(|it| it.made_for == usize::MAX);
+                for_outputs_in(value, &mut |output| {
+                    let built = self.built.get(output.primitive);
+                    let is_shared = built.is_some_and(|it| it.made_for == usize::MAX);
                     if let Some(place) = place.get_mut(output.primitive).filter(|_| is_shared) {
                         *place = at.min(*place);
                     }
-                }
+                });
             }
         }
         let mut order: Vec<usize> = (0..self.built.len()).collect();
@@ -269,14 +266,14 @@ impl Conversion<'_, '_> {
     }
 
     /// Returns unique ids of limited length.
-    fn ids(&self, order: &[usize]) -> Vec<String> {
-        let mut ids = vec![String::new(); self.built.len()];
-        let mut taken: HashMap<String, usize> = HashMap::new();
+    fn ids(&self, order: &[usize]) -> Vec<ShortText> {
+        let mut ids = vec![ShortText::default(); self.built.len()];
+        let mut taken: HashMap<ShortText, usize> = HashMap::with_capacity(ids.len());
         for made in order {
             let Some(built) = self.built.get(*made) else {
                 continue;
             };
-            let mut name: String = built.id.chars().take(NAME_MAX).collect();
+            let mut name: ShortText = built.id.chars().take(NAME_MAX).collect();
             while let Some(count) = taken.get_mut(&name) {
                 *count += 1;
                 let tail = format!("_{count}");
@@ -295,7 +292,7 @@ impl Conversion<'_, '_> {
     fn discard(
         &self,
         order: &[usize],
-        ids: &[String],
+        ids: &[ShortText],
         read: &HashSet<(usize, &'static str)>,
     ) -> Vec<Reference> {
         let mut discard = Vec::new();
@@ -318,22 +315,22 @@ fn text(text: &str, span: Span) -> Literal {
     Literal::new(LiteralShape::Text(text.to_string()), span)
 }
 
-fn outputs_in(value: &BuiltValue) -> Vec<BuiltOutput> {
+fn for_outputs_in(value: &BuiltValue, visit: &mut impl FnMut(&BuiltOutput)) {
     match value {
-        BuiltValue::Output(output) => vec![*output],
-        BuiltValue::List(values) => values.iter().flat_map(outputs_in).collect(),
-        _ => Vec::new(),
+        BuiltValue::Output(output) => visit(output),
+        BuiltValue::List(values) => values.iter().for_each(|it| for_outputs_in(it, visit)),
+        _ => {}
     }
 }
 
 fn reference(
-    ids: &[String],
+    ids: &[ShortText],
     (primitive, port, index): (usize, &str, Option<u32>),
     span: Span,
 ) -> Reference {
     Reference {
         primitive: ids.get(primitive).cloned().unwrap_or_default(),
-        port: port.to_string(),
+        port: port.into(),
         part: index.map(ValuePart::Element),
         span,
         primitive_span: span,
@@ -343,7 +340,7 @@ fn reference(
 
 /// Converts the built primitives to the syntax model.
 struct NetWriter<'b> {
-    ids: &'b [String],
+    ids: &'b [ShortText],
     delayed: &'b [BuiltValue],
 }
 
@@ -355,10 +352,10 @@ impl NetWriter<'_> {
         read: &mut HashSet<(usize, &'static str)>,
     ) -> Primitive {
         let key = |name: &str, span: Span| Key {
-            name: name.to_string(),
+            name: name.into(),
             span,
         };
-        let mut inputs = Vec::new();
+        let mut inputs = Vec::with_capacity(built.inputs.len());
         for (name, value, span) in &built.inputs {
             inputs.push((
                 key(name, *span),
@@ -367,7 +364,7 @@ impl NetWriter<'_> {
         }
         let active = built.active.as_ref();
         Primitive {
-            id: key(self.ids.get(made).map_or("", String::as_str), built.span),
+            id: key(self.ids.get(made).map_or("", ShortText::as_str), built.span),
             kind: PrimitiveKind::Type,
             type_name: key(built.ty, built.span),
             parameters: built

@@ -13,7 +13,7 @@ impl<'t> Conversion<'t, '_> {
         &mut self,
         primitive: &FlatPrimitive<'t>,
     ) -> Option<&'static TypeEntry> {
-        let Some(entry) = table::all().get(&primitive.ty.name) else {
+        let Some(entry) = table::all().get(primitive.ty.name.as_str()) else {
             let message = format!("the predecessor has no type `{}`", primitive.ty.name);
             let names = table::all().keys().map(String::as_str);
             let help = self.suggest(&primitive.ty.name, names);

@@ -45,8 +45,12 @@ impl Conversion<'_, '_> {
     }
 
     pub(super) fn put(&mut self, number: usize, port: &'static str, value: BuiltValue) {
-        if let Some(values) = self.values.get_mut(number) {
-            values.insert(port, value);
+        let Some(values) = self.values.get_mut(number) else {
+            return;
+        };
+        match values.iter_mut().find(|(known, _)| *known == port) {
+            Some((_, known)) => *known = value,
+            None => values.push((port, value)),
         }
     }
 
@@ -377,7 +381,8 @@ impl Conversion<'_, '_> {
 
     /// Returns true if something in the text reads an output.
     fn is_read(&self, number: usize, output: &str) -> bool {
-        self.read.contains(&(number, output.to_string()))
+        let read = self.read.get_or_init(|| self.flat.reads());
+        read.contains(&(number, output))
     }
 
     /// Converts inverse kinematics. With the robot's own position as the hint, the arm angle stays that of the start;

@@ -1,7 +1,5 @@
 //! Replaces a primitive by the net of its row. Runs on the loader's threads.
 
-use std::collections::HashMap;
-
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Key;
 use rcc_core::primitive::{ChannelKind, ParameterKind, Spec};
@@ -17,7 +15,7 @@ use crate::text::{self, AstArgument, AstFragment, AstPrimitive};
 struct RowExpansion<'r> {
     number: usize,
     entry: &'static TypeEntry,
-    names: HashMap<&'r str, usize>,
+    names: Vec<(&'r str, usize)>,
     made: Vec<usize>,
 }
 
@@ -32,7 +30,7 @@ impl Conversion<'_, '_> {
         let mut place = RowExpansion {
             number,
             entry,
-            names: HashMap::new(),
+            names: Vec::new(),
             made: Vec::new(),
         };
         for item in &net.items {
@@ -46,9 +44,8 @@ impl Conversion<'_, '_> {
                 continue;
             };
             let (value, _) = self.evaluate(&mut place, &item.primitive, port);
-            let output = entry.output(&item.name.name);
-            if let (Some(output), Some(values)) = (output, self.values.get_mut(number)) {
-                values.insert(output.name, value);
+            if let Some(output) = entry.output(&item.name.name) {
+                self.put(number, output.name, value);
             }
         }
         // The last primitive of the expansion takes the id of the primitive in the text.
@@ -72,7 +69,9 @@ impl Conversion<'_, '_> {
                 self.argument(place.number, place.entry, &port.name)
             }
             AstPrimitive::Named(name) => {
-                let made = place.names.get(name.name.as_str()).copied();
+                let mut names = place.names.iter();
+                let made = names.find(|(known, _)| name.name == *known);
+                let made = made.map(|(_, made)| *made);
                 (self.output(made, &port.name), span)
             }
             AstPrimitive::Typed(ty, arguments) if ty.name == "List" => {

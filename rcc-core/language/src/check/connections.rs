@@ -93,7 +93,10 @@ fn read(net: Typed<'_>) -> OutputSet {
 
 /// Returns all outputs that are read or listed in `discard`.
 pub(super) fn read_or_discarded(net: Typed<'_>) -> OutputSet {
-    let mut used = read(net);
+    with_discarded(net, read(net))
+}
+
+fn with_discarded(net: Typed<'_>, mut used: OutputSet) -> OutputSet {
     used.extend(net.graph.discarded.iter().map(|(output, _)| *output));
     used
 }
@@ -103,13 +106,13 @@ pub(super) fn read_or_discarded(net: Typed<'_>) -> OutputSet {
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     // An input that is not connected or a missing Termination, which are reported, may be where an output should be read.
     let mut inputs = net.graph.items.iter().flat_map(|item| &item.inputs);
-    let mut roles = net.graph.items.iter().map(|item| item.spec().role);
-    if inputs.any(|source| matches!(source, InputSource::Missing))
-        || !roles.any(|role| role == Role::Termination)
+    let mut terminations = net.graph.items_of(|spec| spec.role == Role::Termination);
+    if inputs.any(|source| matches!(source, InputSource::Missing)) || terminations.next().is_none()
     {
         return;
     }
-    let (read, used) = (read(net), read_or_discarded(net));
+    let read = read(net);
+    let used = with_discarded(net, read.clone());
     for (number, item) in net.graph.items.iter().enumerate() {
         if read.item(number).contains(&true) {
             continue;
@@ -134,6 +137,9 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagn
 
 /// Requires that a discarded output is not read, and is listed once.
 pub fn discards_are_unread_and_unique(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    if net.graph.discarded.is_empty() {
+        return;
+    }
     // A refused link may mean any output of its primitive, and is reported itself.
     let read = linked(net);
     let mut seen = BTreeSet::new();

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{
-    ChannelKind, DefaultValue, Parameter, ParameterKind, PortType, Role, UnitRule,
+    ChannelKind, DefaultValue, Parameter, ParameterKind, Port, PortType, Role, UnitRule,
 };
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
@@ -74,7 +74,7 @@ pub fn literal_fits(
     place: impl Display,
     diagnostics: &mut Vec<Diagnostic>,
 ) {
-    if literal.stored(ty).is_none() {
+    if !literal.fits(ty) {
         let message = format!("type mismatch: `{place}` expects {ty}, found {literal}");
         let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, literal.span, message);
         diagnostics.push(diagnostic.help_if(example_of(literal, ty)));
@@ -121,10 +121,10 @@ fn example_of(literal: &Literal, ty: Type) -> Option<String> {
 
 /// Requires that parameters are within the ranges of their specs.
 pub fn parameters_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for (number, item) in net.graph.items.iter().enumerate() {
+    for (number, item) in net.graph.items_of(|spec| !spec.parameters.is_empty()) {
         for (literal, parameter) in item.parameters.iter().zip(item.spec().parameters) {
             let Some(literal) = literal else { continue };
-            let null = literal.shape == LiteralShape::Null;
+            let null = literal.is_null();
             let may_be_null = matches!(parameter.default, Some(DefaultValue::Null))
                 || matches!(
                     parameter.kind,
@@ -176,7 +176,9 @@ pub fn constant<'a>(net: Typed<'a>, input_source: &InputSource<'a>) -> Option<&'
 /// Requires that constants at inputs are within the ranges of their specs. A computed value may be limited there, but a
 /// constant out of range is a mistake.
 pub fn constants_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
+    let has_range = |port: &Port| port.least.is_some() && port.greatest.is_some();
+    let items = net.graph.items_of(|spec| spec.inputs.iter().any(has_range));
+    for (_, item) in items {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let (Some(least), Some(greatest)) = (port.least, port.greatest) else {
                 continue;
@@ -198,8 +200,7 @@ pub fn constants_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>)
 /// Requires that a constant at an analog output is within the range of its channel: the driver would release the output
 /// (`on_release`) in every cycle.
 pub fn outputs_are_commanded_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let items = net.graph.items.iter();
-    for item in items.filter(|item| item.spec().name == "AnalogOutput") {
+    for (_, item) in net.graph.items_of(|spec| spec.name == "AnalogOutput") {
         let device = item
             .device
             .and_then(|index| net.graph.cell.devices.get(index));

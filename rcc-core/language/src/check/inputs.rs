@@ -13,8 +13,7 @@ use crate::syntax::literal::Literal;
 
 /// Returns each `Input` and `Subscribe` with the type of its value, if that is known.
 fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a ResolvedPrimitive<'a>, Type)> {
-    let items = net.graph.items.iter().enumerate();
-    let items = items.filter(|(_, item)| item.spec().role == Role::Input);
+    let items = net.graph.items_of(|spec| spec.role == Role::Input);
     items.filter_map(move |(number, item)| {
         let port = item.spec().outputs.first()?;
         let ty = net.inferred.port_type(net.graph, number, port.ty)?;

@@ -6,16 +6,17 @@ use rcc_config::article::with_article;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::message::MONITOR_WIDTH_MAX;
 use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX, TOPICS_MAX};
-use rcc_core::primitive::{CYCLES_MAX, ChannelKind, ParameterKind, Role};
+use rcc_core::primitive::{CYCLES_MAX, ChannelKind, ParameterKind, Role, Spec};
 use rcc_core::unit::Unit;
 
+use super::has_parameter;
 use crate::codes;
 use crate::infer::Typed;
 use crate::resolve::{InputSource, RATE_TOLERANCE, ResolvedPrimitive, every, window, window_s};
 
 fn of_role(net: Typed<'_>, role: Role) -> impl Iterator<Item = &ResolvedPrimitive<'_>> {
-    let items = net.graph.items.iter();
-    items.filter(move |item| item.spec().role == role)
+    let items = net.graph.items_of(move |spec| spec.role == role);
+    items.map(|(_, item)| item)
 }
 
 /// Requires exactly one `Termination`.
@@ -66,7 +67,8 @@ fn claim(item: &ResolvedPrimitive<'_>) -> Option<(usize, Option<(ChannelKind, u3
 /// Requires that no two primitives of a net command the same resource.
 pub fn resources_are_commanded_once(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut holders: BTreeMap<ResourceKey, &ResolvedPrimitive<'_>> = BTreeMap::new();
-    for item in &net.graph.items {
+    let commands = |spec: &Spec| matches!(spec.role, Role::CommandsArm | Role::CommandsChannel);
+    for (_, item) in net.graph.items_of(commands) {
         let Some((device, channel)) = claim(item) else {
             continue;
         };
@@ -95,7 +97,10 @@ pub fn resources_are_commanded_once(net: Typed<'_>, diagnostics: &mut Vec<Diagno
 
 /// Requires that a window spans 1 to [`CYCLES_MAX`] evaluations.
 pub fn windows_are_possible(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
+    for (_, item) in net
+        .graph
+        .items_of(|spec| has_parameter(spec, ParameterKind::Window))
+    {
         let Some((seconds, span)) = window_s(item) else {
             continue;
         };
@@ -116,10 +121,7 @@ pub fn windows_are_possible(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
 
 /// Requires that a monitor's value fits into a record, reads no delayed link, and has a possible rate.
 pub fn monitors_are_possible(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for (number, item) in net.graph.items.iter().enumerate() {
-        if item.spec().role != Role::Monitor {
-            continue;
-        }
+    for (number, item) in net.graph.items_of(|spec| spec.role == Role::Monitor) {
         for (_, link) in item.links().filter(|(_, link)| link.delayed) {
             let message =
                 "a monitor shows the values of its own cycle and cannot read a delayed link";

@@ -18,8 +18,8 @@ use crate::syntax::part::{ListPosition, ValuePart, parts_of};
 pub fn elements_exist(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let links = net.graph.items.iter().flat_map(|item| item.links());
     for (_, link) in links {
-        let ty = net.inferred.output_type(net.graph, link.from);
-        let (Some(part), Some(ty)) = (link.part, ty) else {
+        let Some(part) = link.part else { continue };
+        let Some(ty) = net.inferred.output_type(net.graph, link.from) else {
             continue;
         };
         if part.of(ty).is_some() {
@@ -66,6 +66,14 @@ pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
             let (Some(have), Some(want)) = (have, want) else {
                 continue;
             };
+            let source = net.inferred.link_unit(net.graph, link);
+            let sink = net
+                .inferred
+                .position_unit(net.graph, number, port, link.position);
+            let other_unit = source.zip(sink).filter(|(have, want)| have != want);
+            if have == want && other_unit.is_none() && link.initial.is_none() {
+                continue;
+            }
             let is_it = |condition: &ListElement<'_>| {
                 condition.link().is_some_and(|it| std::ptr::eq(it, link))
             };
@@ -76,13 +84,7 @@ pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
                 diagnostics.push(other_type(net, link, input, have, want));
                 continue;
             }
-            let source = net.inferred.link_unit(net.graph, link);
-            let sink = net
-                .inferred
-                .position_unit(net.graph, number, port, link.position);
-            if let (Some(have), Some(want)) = (source, sink)
-                && have != want
-            {
+            if let Some((have, want)) = other_unit {
                 let output = net.graph.output_name(link.from);
                 let message =
                     format!("unit mismatch: `{input}` expects {want}, but `{output}` is in {have}");
@@ -100,6 +102,10 @@ pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
 pub fn lists_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let is_many = matches!(port.ty, PortType::Many(_));
+            if !is_many && !matches!(input_source, InputSource::List(_)) {
+                continue;
+            }
             let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
                 continue;
             };

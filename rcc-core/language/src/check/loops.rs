@@ -79,6 +79,9 @@ pub fn loops_have_a_delay(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
 
 /// Requires that a delayed link within a loop has an initial value.
 pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    if !has_link(net.graph, |link| link.delayed && link.initial.is_none()) {
+        return;
+    }
     let sources = sources(net.graph, |_, _| true);
     let components = Components::of(&sources);
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -102,9 +105,16 @@ pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, diagnostics: &mut Vec
 
 /// Requires that a null value in a loop can be replaced by a known one.
 pub fn loops_can_recover_from_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    // A loop without a delayed link is reported by another rule.
+    if !has_link(net.graph, |link| link.delayed) {
+        return;
+    }
     let all = sources(net.graph, |_, _| true);
     let components = Components::of(&all);
     let is_in_loop = components.in_loops(&all);
+    if !is_in_loop.contains(&true) {
+        return;
+    }
     let mut known: Vec<bool> = is_in_loop.iter().map(|is_in_loop| !is_in_loop).collect();
     settle(net.graph, &components, &all, &mut known);
     let stuck = |number: usize| known.get(number) == Some(&false);
@@ -115,7 +125,6 @@ pub fn loops_can_recover_from_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
         let Some((path, link)) = describe(net.graph, &circle(&null, &component)) else {
             continue;
         };
-        // A loop without a delayed link is reported by another rule.
         let delayed = circle(&null, &component);
         if !has_delay(net.graph, &delayed) {
             continue;
@@ -128,6 +137,12 @@ pub fn loops_can_recover_from_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
             ),
         );
     }
+}
+
+/// Returns true if a link or condition of the net is such a one.
+fn has_link(graph: &NetGraph<'_>, is_one: impl Fn(&ResolvedLink<'_>) -> bool) -> bool {
+    let links = graph.items.iter().flat_map(|item| graph.dependencies(item));
+    links.into_iter().any(|(_, link)| is_one(link))
 }
 
 fn has_delay(graph: &NetGraph<'_>, circle: &[usize]) -> bool {
@@ -143,7 +158,8 @@ fn has_delay(graph: &NetGraph<'_>, circle: &[usize]) -> bool {
 /// Marks items as known until a fixpoint is reached; linear in the number of links.
 fn settle(graph: &NetGraph<'_>, components: &Components, sources: &Adjacency, known: &mut [bool]) {
     let readers = sources.reversed(sources.count());
-    let mut queue: Vec<usize> = (0..graph.items.len()).collect();
+    let is_open = |number: &usize| known.get(*number) == Some(&false);
+    let mut queue: Vec<usize> = (0..graph.items.len()).filter(is_open).collect();
     while let Some(number) = queue.pop() {
         let Some(item) = graph.items.get(number) else {
             continue;

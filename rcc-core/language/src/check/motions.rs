@@ -5,7 +5,7 @@ use rcc_config::diagnostic::Diagnostic;
 use rcc_core::counted::Counted;
 use rcc_core::frame::DeviceModel;
 use rcc_core::path::leg_row;
-use rcc_core::primitive::{ParameterKind, Role};
+use rcc_core::primitive::{ParameterKind, Port, Role, Spec};
 
 use super::connections::read_or_discarded;
 use super::constants::constant;
@@ -29,6 +29,15 @@ const EXCLUSIVE: [(&str, &str, &str); 6] = [
     ),
 ];
 
+fn takes(spec: &Spec, parameter: &str) -> bool {
+    spec.parameters.iter().any(|it| it.name == parameter)
+}
+
+fn has_path(spec: &Spec) -> bool {
+    let mut kinds = spec.parameters.iter().map(|parameter| parameter.kind);
+    kinds.any(|kind| matches!(kind, ParameterKind::Path(_)))
+}
+
 /// Returns the value given for a parameter, unless it is null.
 fn given<'a>(item: &'a ResolvedPrimitive<'_>, name: &str) -> Option<&'a Literal> {
     let place = item
@@ -42,10 +51,13 @@ fn given<'a>(item: &'a ResolvedPrimitive<'_>, name: &str) -> Option<&'a Literal>
 
 /// Requires that at most one of two exclusive parameters is given.
 pub fn parameters_do_not_contradict(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
-        let takes = |name: &str| item.spec().parameters.iter().any(|it| it.name == name);
+    let contradict = |spec: &'static Spec| {
+        let mut pairs = EXCLUSIVE.iter();
+        pairs.any(|(first, second, _)| takes(spec, first) && takes(spec, second))
+    };
+    for (_, item) in net.graph.items_of(contradict) {
         // `to` of other motions is a pose.
-        let is_joints = takes("pose");
+        let is_joints = takes(item.spec(), "pose");
         for (first, second, why) in EXCLUSIVE {
             if first == "to" && !is_joints {
                 continue;
@@ -62,12 +74,9 @@ pub fn parameters_do_not_contradict(net: Typed<'_>, diagnostics: &mut Vec<Diagno
 
 /// Requires that a `JointMotion` has a goal, `to` or `pose`.
 pub fn joint_motions_have_a_goal(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
-        if item.spec().name != "JointMotion"
-            || ["to", "pose"]
-                .iter()
-                .any(|name| given(item, name).is_some())
-        {
+    for (_, item) in net.graph.items_of(|spec| spec.name == "JointMotion") {
+        let mut goals = ["to", "pose"].iter();
+        if goals.any(|name| given(item, name).is_some()) {
             continue;
         }
         let message = format!("`{}` needs the parameter `to` or `pose`", item.id());
@@ -86,7 +95,8 @@ fn arm<'a>(net: Typed<'a>, item: &ResolvedPrimitive<'_>) -> Option<(&'a str, &'a
 
 /// Requires that KUKA's Turn sets bits only for joints that the arm has.
 pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
+    let turns = |spec: &Spec| has_path(spec) || takes(spec, "turn");
+    for (_, item) in net.graph.items_of(turns) {
         let Some((name, model)) = arm(net, item) else {
             continue;
         };
@@ -126,7 +136,7 @@ fn turn_of_leg(row: &Literal) -> Option<(f64, &Literal)> {
 /// Requires that each `wait` and `until` of a leg has its condition. Those in a path that is a parameter of a fragment
 /// have none: conditions are links, which parameters cannot be.
 pub fn conditions_of_legs_are_connected(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
+    for (_, item) in net.graph.items_of(has_path) {
         let is_connected = item
             .primitive
             .inputs
@@ -163,12 +173,7 @@ pub fn conditions_of_legs_are_connected(net: Typed<'_>, diagnostics: &mut Vec<Di
 /// Requires that a constant goal lies within the range of every joint: the net would wait for an unreachable goal
 /// forever.
 pub fn goals_are_within_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in net
-        .graph
-        .items
-        .iter()
-        .filter(|item| item.spec().name == "JointGoal")
-    {
+    for (_, item) in net.graph.items_of(|spec| spec.name == "JointGoal") {
         let (Some((name, model)), Some(goal)) = (arm(net, item), item.inputs.first()) else {
             continue;
         };
@@ -207,10 +212,8 @@ pub fn goals_are_within_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>)
 /// Requires that the joints or the pose of a motion are read: otherwise the net runs through the motion and no arm
 /// moves.
 pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let motions = net.graph.items.iter().enumerate();
-    let mut motions = motions
-        .filter(|(_, item)| item.spec().role == Role::Motion)
-        .peekable();
+    let motions = net.graph.items_of(|spec| spec.role == Role::Motion);
+    let mut motions = motions.peekable();
     if motions.peek().is_none() {
         return;
     }
@@ -233,10 +236,8 @@ pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>
 /// Requires that no command is the constant null: the device would never be commanded. Values that are null in every
 /// cycle for another reason are refused by `nulls::commands_can_become_known`.
 pub fn commands_are_not_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
-        if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {
-            continue;
-        }
+    let commands = |spec: &Spec| matches!(spec.role, Role::CommandsArm | Role::CommandsChannel);
+    for (_, item) in net.graph.items_of(commands) {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let Some(literal) = constant(net, input_source).filter(|literal| has_null(literal))
             else {
@@ -261,7 +262,9 @@ fn has_null(literal: &Literal) -> bool {
 
 /// Requires that a constant axis, of a rotation or of a force, has a length other than 0.
 pub fn axes_have_a_direction(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for item in &net.graph.items {
+    let is_axis = |port: &Port| port.name == "axis";
+    let has_axis = |spec: &Spec| takes(spec, "axis") || spec.inputs.iter().any(is_axis);
+    for (_, item) in net.graph.items_of(has_axis) {
         let input = item
             .spec()
             .inputs

@@ -1,24 +1,23 @@
 //! Rules about values that are null in every cycle. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::Role;
+use rcc_core::primitive::{Role, Spec};
 
 use crate::codes;
 use crate::infer::Typed;
 use crate::null_analysis::find_always_null;
-use crate::resolve::{InputSource, ResolvedPrimitive};
+use crate::resolve::InputSource;
 
 /// Requires that a command can have a value: one that is null in every cycle commands nothing, and its net would run, or
 /// wait for ever, without moving anything. Constants are checked by `commands_are_not_null`.
 pub fn commands_can_become_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let commands = |item: &ResolvedPrimitive<'_>| {
-        matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel)
-    };
-    if !net.graph.items.iter().any(commands) {
+    let commands = |spec: &Spec| matches!(spec.role, Role::CommandsArm | Role::CommandsChannel);
+    let mut items = net.graph.items_of(commands).peekable();
+    if items.peek().is_none() {
         return;
     }
     let nulls = find_always_null(net.graph);
-    for item in net.graph.items.iter().filter(|item| commands(item)) {
+    for (_, item) in items {
         for (number, port) in item.spec().inputs.iter().enumerate() {
             let Some(why) = nulls.why_input(net.graph, item, number) else {
                 continue;

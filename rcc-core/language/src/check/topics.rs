@@ -4,18 +4,18 @@
 use std::collections::BTreeMap;
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::Role;
+use rcc_core::primitive::{ParameterKind, Role};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
+use super::has_parameter;
 use crate::codes;
 use crate::infer::Typed;
 use crate::resolve::ResolvedPrimitive;
 
 fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&ResolvedPrimitive<'_>, &str)> {
-    let items = net.graph.items.iter();
-    let items = items.filter(move |item| item.spec().role == role);
-    items.filter_map(|item| Some((item, item.topic()?)))
+    let items = net.graph.items_of(move |spec| spec.role == role);
+    items.filter_map(|(_, item)| Some((item, item.topic()?)))
 }
 
 /// Requires that a topic is published once.
@@ -41,7 +41,10 @@ pub fn topics_are_published_once(net: Typed<'_>, diagnostics: &mut Vec<Diagnosti
 /// Requires that all uses of a topic agree in type and unit.
 pub fn topics_are_of_one_type(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut kinds: BTreeMap<&str, (&ResolvedPrimitive<'_>, TopicSignature)> = BTreeMap::new();
-    for (number, item) in net.graph.items.iter().enumerate() {
+    for (number, item) in net
+        .graph
+        .items_of(|spec| has_parameter(spec, ParameterKind::Topic))
+    {
         let (Some(port), Some(topic)) = (item.spec().outputs.first(), item.topic()) else {
             continue;
         };

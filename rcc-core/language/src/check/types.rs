@@ -2,7 +2,7 @@
 
 use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::{ParameterKind, PortType, UnitRule};
+use rcc_core::primitive::{ParameterKind, Port, PortType, Spec, UnitRule};
 use rcc_core::unit::Unit;
 
 use crate::codes;
@@ -11,7 +11,12 @@ use crate::resolve::InputSource;
 
 /// Requires that the array lengths that a spec leaves open can be inferred.
 pub fn lengths_are_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for (number, item) in net.graph.items.iter().enumerate() {
+    let has_length = |port: &Port| matches!(port.ty, PortType::Array(..) | PortType::Matrix(..));
+    let items = net.graph.items_of(|spec| {
+        let mut ports = spec.inputs.iter().chain(spec.outputs);
+        ports.any(has_length)
+    });
+    for (number, item) in items {
         let spec = item.spec();
         let ports = spec.inputs.iter().chain(spec.outputs);
         let unknown = ports.clone().find(|port| match port.ty {
@@ -56,10 +61,15 @@ pub fn lengths_are_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
 
 /// Requires that a primitive has a kernel for the type that it is connected to.
 pub fn types_suit_their_primitives(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for (number, item) in net.graph.items.iter().enumerate() {
+    let is_open = |port: &&Port| port.ty.is_open();
+    let items = net.graph.items_of(|spec| {
+        let mut ports = spec.inputs.iter().chain(spec.outputs);
+        ports.any(|port| is_open(&port))
+    });
+    for (number, item) in items {
         let spec = item.spec();
         let mut ports = spec.inputs.iter().chain(spec.outputs);
-        let Some(port) = ports.find(|port| port.ty.is_open()) else {
+        let Some(port) = ports.find(is_open) else {
             continue;
         };
         let Some(ty) = net.inferred.open_type(number) else {
@@ -89,10 +99,27 @@ pub fn types_suit_their_primitives(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
     }
 }
 
+/// Returns true if the unit of a port or parameter follows from other units.
+fn has_derived_unit(spec: &'static Spec) -> bool {
+    let ports = spec.inputs.iter().chain(spec.outputs).map(|port| port.unit);
+    let parameters = spec.parameters.iter();
+    let parameters = parameters.filter_map(|parameter| Some(parameter.kind.value()?.1));
+    ports.chain(parameters).any(|rule| {
+        !matches!(
+            rule,
+            UnitRule::Is(_)
+                | UnitRule::Typed
+                | UnitRule::Channel
+                | UnitRule::Joint(_)
+                | UnitRule::Var(_)
+        )
+    })
+}
+
 /// Requires that the units at the ports of a primitive are consistent, for example that a product has the unit of the
 /// product.
 pub fn units_of_a_primitive_agree(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    for (number, item) in net.graph.items.iter().enumerate() {
+    for (number, item) in net.graph.items_of(has_derived_unit) {
         let unit = |rule: UnitRule| net.inferred.port_unit(net.graph, number, rule);
         let var = |index: u8| unit(UnitRule::Var(index));
         let spec = item.spec();

@@ -98,7 +98,7 @@ fn value_of(literal: &Literal, span: Span) -> Option<Value> {
     };
     let entry = |name: &str, values: &[f64]| Entry {
         key: Key {
-            name: name.to_owned(),
+            name: name.into(),
             span,
         },
         value: Node {
@@ -111,8 +111,8 @@ fn value_of(literal: &Literal, span: Span) -> Option<Value> {
         LiteralShape::Bool(value) => Value::Bool(*value),
         LiteralShape::Int(value) => Value::Int(*value),
         LiteralShape::Real(value, None) => Value::Real(*value),
-        LiteralShape::Real(value, Some(unit)) => Value::Text(format!("{value} {unit}")),
-        LiteralShape::Text(text) => Value::Text(text.clone()),
+        LiteralShape::Real(value, Some(unit)) => Value::Text(format!("{value} {unit}").into()),
+        LiteralShape::Text(text) => Value::Text(text.as_str().into()),
         LiteralShape::Rotation(quat) => Value::Map(vec![entry("quat", quat)]),
         LiteralShape::Pose([x, y, z, quat @ ..]) => {
             Value::Map(vec![entry("xyz", &[*x, *y, *z]), entry("quat", quat)])

@@ -166,7 +166,7 @@ impl<'a> Expander<'a, '_> {
     /// Returns a `Constant` primitive for a constant, one for each input of an instance.
     fn constant(&mut self, literal: &Literal, from: &Reference, scope: &Scope<'_>) -> Reference {
         let key = |name: &str| Key {
-            name: name.to_owned(),
+            name: name.into(),
             span: literal.span,
         };
         // The id is unused: inputs and primitives of a fragment have different names.
@@ -183,8 +183,8 @@ impl<'a> Expander<'a, '_> {
             self.push(constant, None);
         }
         Reference {
-            primitive: id,
-            port: "out".to_owned(),
+            primitive: id.into(),
+            port: "out".into(),
             ..scope.shift.reference(from)
         }
     }
@@ -201,7 +201,7 @@ impl<'a> Expander<'a, '_> {
         for _ in scope.depth..=DEPTH_MAX {
             let (instance, output) = match self.bodies.target(body, at) {
                 ReferenceTarget::Primitive => {
-                    found.primitive = format!("{path}{}", at.primitive);
+                    found.primitive = format!("{path}{}", at.primitive).into();
                     found.port.clone_from(&at.port);
                     return Some(found);
                 }

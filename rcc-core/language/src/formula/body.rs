@@ -50,14 +50,16 @@ impl<'a> BodyLowering<'a> {
             refused: Vec::new(),
             discarded: discard
                 .iter()
-                .map(|output| output.primitive.clone())
+                .map(|output| output.primitive.to_string())
                 .collect(),
         }
     }
 
     /// Replaces all expressions.
     pub fn run(mut self, primitives: &mut Vec<Primitive>, words: &mut PortWords) {
-        let ids = primitives.iter().map(|primitive| primitive.id.name.clone());
+        let ids = primitives
+            .iter()
+            .map(|primitive| primitive.id.name.to_string());
         self.terms.ids = ids.collect();
         for (owner, primitive) in primitives.iter_mut().enumerate() {
             let mut read = Vec::new();
@@ -157,7 +159,7 @@ impl<'a> BodyLowering<'a> {
                 Ok((Token::Word(word), _)) => {
                     let reference = reference::parse(word, span);
                     let known = reference.filter(|from| {
-                        !from.port.is_empty() && self.terms.ids.contains(&from.primitive)
+                        !from.port.is_empty() && self.terms.ids.contains(from.primitive.as_str())
                     });
                     links.extend(known.map(|from| link_to(from, span)));
                 }
@@ -175,7 +177,7 @@ impl<'a> BodyLowering<'a> {
         for (key, source) in &mut primitive.inputs {
             self.replace(source, owner, read);
             let value = self.input_value(key, source);
-            inputs.values.insert(key.name.clone(), value);
+            inputs.values.insert(key.name.to_string(), value);
         }
         let text = self.text_of(primitive);
         let (value, span) = match &text {
@@ -208,7 +210,7 @@ impl<'a> BodyLowering<'a> {
                 ))
             }
             Source::Outcomes(_) => {
-                let name = key.name.clone();
+                let name = key.name.to_string();
                 let message = Problem::Outcomes { name }.to_string();
                 Some((
                     codes::WRONG_SHAPE,
@@ -287,7 +289,7 @@ impl<'a> BodyLowering<'a> {
 
     fn report_unused(&mut self, primitive: &Primitive, inputs: &NamedInputs) {
         for (key, _) in &primitive.inputs {
-            if !inputs.used.contains(&key.name) {
+            if !inputs.used.contains(key.name.as_str()) {
                 let message = format!("the formula does not use its input `{}`", key.name);
                 let diagnostic = Diagnostic::error(codes::NOT_USED, key.span, message);
                 self.diagnostics.push(diagnostic);
@@ -298,19 +300,19 @@ impl<'a> BodyLowering<'a> {
     /// Makes a `Formula` the operation that computes it, a constant, or a copy of another output.
     fn put(&mut self, primitive: &mut Primitive, owner: usize, value: &Value, span: Span) {
         let always_active = primitive.active.is_none();
-        let is_shared = !self.discarded.contains(&primitive.id.name);
+        let is_shared = !self.discarded.contains(primitive.id.name.as_str());
         if let Value::Operation(output) = value
             && let Some(operation) = self.terms.operations.all.get_mut(output.number)
             && let (None, false, Some("out")) = (output.part, output.delayed, output.port)
             && let (None, true, true) = (&operation.id, always_active, is_shared)
             && operation.spec.is_none_or(|spec| spec.outputs.len() == 1)
         {
-            operation.id = Some(primitive.id.name.clone());
+            operation.id = Some(primitive.id.name.to_string());
             self.whole.insert(owner, output.number);
             return;
         }
         let key = |name: &str| Key {
-            name: name.to_owned(),
+            name: name.into(),
             span,
         };
         if let (Value::Constant(literal), true) = (value, always_active) {
@@ -329,7 +331,7 @@ impl<'a> BodyLowering<'a> {
             return;
         }
         let key = |name: String| Key {
-            name,
+            name: name.into(),
             span: owner.span,
         };
         let links = read.into_iter();

@@ -93,7 +93,7 @@ fn put_ids(source: &mut Source, ids: &[String]) {
     match source {
         Source::Link(link) => {
             if let Some(id) = marked(&link.from).and_then(|number| ids.get(number)) {
-                link.from.primitive.clone_from(id);
+                link.from.primitive = id.as_str().into();
             }
         }
         Source::List(list) => list.elements.iter_mut().for_each(|one| put_ids(one, ids)),

@@ -71,9 +71,9 @@ fn choose(primitive: &mut Primitive, wide: [IsWide; 2]) {
         true => ("Scale", ["in", "factor"]),
         false => ("Multiply", ["a", "b"]),
     };
-    name.clone_into(&mut primitive.type_name.name);
+    primitive.type_name.name = name.into();
     for ((key, _), port) in primitive.inputs.iter_mut().zip(ports) {
-        port.clone_into(&mut key.name);
+        key.name = port.into();
     }
 }
 

@@ -74,7 +74,7 @@ impl Terms {
             TermKind::Constant(shape) => Ok(constant(shape.clone(), span)),
             TermKind::Parameter(name) => {
                 let node = Node {
-                    value: Tree::Text(name.clone()),
+                    value: Tree::Text(name.as_str().into()),
                     span,
                 };
                 Ok(constant(LiteralShape::Parameterised(node), span))

@@ -124,8 +124,8 @@ impl Operations {
             }
             Value::Operation(output) => Source::Link(Link {
                 from: Reference {
-                    primitive: format!("{MARK}{}", output.number),
-                    port: output.port.unwrap_or("").to_owned(),
+                    primitive: format!("{MARK}{}", output.number).into(),
+                    port: output.port.unwrap_or("").into(),
                     part: output.part,
                     span,
                     primitive_span: span,
@@ -142,7 +142,7 @@ impl Operations {
     /// Returns the primitive of an operation.
     pub fn primitive(operation: &Operation, id: &str) -> Primitive {
         let key = |name: &str| Key {
-            name: name.to_owned(),
+            name: name.into(),
             span: operation.span,
         };
         let ports: Vec<&str> = match operation.spec {
@@ -152,7 +152,7 @@ impl Operations {
         let inputs = operation.inputs.iter().zip(ports);
         let inputs = inputs.map(|((value, span), port)| {
             let port = Key {
-                name: port.to_owned(),
+                name: port.into(),
                 span: *span,
             };
             (port, Operations::source(value, *span))

@@ -130,6 +130,22 @@ impl TypeVariables {
     }
 }
 
+/// Returns true for a primitive with a parameter that is its type or a length, or with inputs that determine a length.
+fn declares_type_or_length(spec: &Spec) -> bool {
+    let mut kinds = spec.parameters.iter().map(|parameter| parameter.kind);
+    let mut inputs = spec.inputs.iter().map(|port| port.ty);
+    kinds.any(|kind| matches!(kind, ParameterKind::Type | ParameterKind::Length(_)))
+        || inputs.any(|port| matches!(port, PortType::Many(_) | PortType::Array(..)))
+}
+
+/// Returns true for a port whose type tells an item something.
+fn learns(port: PortType) -> bool {
+    !matches!(
+        port,
+        PortType::Is(_) | PortType::Joints | PortType::JointColumns(_) | PortType::Part
+    )
+}
+
 fn array_length(ty: Type) -> Option<u16> {
     match ty {
         Type::Reals(length) | Type::Bools(length) | Type::Ints(length) => Some(length),
@@ -159,7 +175,9 @@ pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables>
     for (number, item) in graph.items.iter().enumerate() {
         for (port, link) in item.links() {
             let sink = item.spec().inputs.get(port);
-            if let (Some(from), Some(sink)) = (super::port_of(graph, link.from), sink) {
+            if let (Some(from), Some(sink)) = (super::port_of(graph, link.from), sink)
+                && (learns(from.ty) || learns(sink.ty))
+            {
                 constraints.push(TypeConstraint {
                     source: PortSite {
                         item: link.from.item,
@@ -213,14 +231,15 @@ impl TypeSolver<'_, '_> {
                 self.learn(declared.item, port.ty, ty);
             }
         }
-        for (number, item) in items.clone() {
+        let graph = self.graph;
+        for (number, item) in graph.items_of(declares_type_or_length) {
             if let Some(ty) = item.declared_type() {
                 self.learn(number, PortType::Any, ty);
             }
             self.learn_lengths(number, item);
         }
         self.run_all();
-        for (number, item) in items.clone() {
+        for (number, item) in items {
             self.learn_certain(number, item);
         }
         self.run();
@@ -239,15 +258,15 @@ impl TypeSolver<'_, '_> {
                 self.run();
             }
         }
-        for (number, item) in items.clone() {
+        let is_open = |spec: &'static Spec| spec.types().any(PortType::is_open);
+        for (number, item) in graph.items_of(is_open) {
             if let Some((port, ty)) = self.default_type(item) {
                 self.learn(number, port, ty);
                 self.run();
             }
         }
-        for (number, item) in items {
-            let open = item.spec().types().find(|port| port.is_open());
-            if open.is_some() && self.open.get(number).is_some_and(|open| open.ty.is_none()) {
+        for (number, _) in graph.items_of(is_open) {
+            if self.open.get(number).is_some_and(|open| open.ty.is_none()) {
                 self.decide(number, Type::Real);
                 self.run();
             }

@@ -1,9 +1,8 @@
 //! Builds the initial arenas of a plan: variables in the order of allocation, equal constants once. Runs on the
 //! loader's threads.
 
-use std::collections::HashMap;
-
-use rcc_core::types::Store;
+use foldhash::HashMap;
+use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
 
 use super::SlotRange;
 use crate::syntax::literal::StoredValue;
@@ -89,6 +88,18 @@ impl ArenaBuilder {
         }
     }
 
+    /// Allocates slots for a value that begins as null.
+    pub fn null(&mut self, ty: Type) -> SlotRange {
+        let width = ty.width();
+        let count = width as usize;
+        let (store, slot) = match ty.store() {
+            Some(Store::Bool) => (Store::Bool, fill(&mut self.bools, NULL_BOOL, count)),
+            Some(Store::Int) => (Store::Int, fill(&mut self.ints, NULL_INT, count)),
+            _ => (Store::Real, fill(&mut self.reals, NULL_REAL, count)),
+        };
+        SlotRange { store, slot, width }
+    }
+
     /// Returns slots that nothing writes; equal constants share them.
     pub fn constant(&mut self, value: &StoredValue) -> SlotRange {
         let key = ValueBits::of(value);
@@ -137,6 +148,12 @@ fn write<T: Copy>(arena: &mut [T], slot: u32, values: &[T]) {
 fn repeat<T: Copy>(arena: &mut [T], range: std::ops::Range<usize>, to: u32) {
     let values = arena.get(range).unwrap_or(&[]).to_vec();
     write(arena, to, &values);
+}
+
+fn fill<T: Copy>(arena: &mut Vec<T>, value: T, count: usize) -> u32 {
+    let slot = arena.len() as u32;
+    arena.resize(arena.len() + count, value);
+    slot
 }
 
 fn extend<T: Copy>(arena: &mut Vec<T>, values: &[T]) -> u32 {

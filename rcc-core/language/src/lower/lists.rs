@@ -65,11 +65,13 @@ impl<'a> Lowering<'a> {
         &mut self,
         output: OutputId,
         ty: Type,
-        initial: &StoredValue,
+        initial: Option<&StoredValue>,
     ) -> Option<SlotRange> {
         let (key, offset) = *self.lists.claimed.get(&output)?;
         let slot = self.block(key)?.slot + offset;
-        self.arena.write(slot, initial);
+        let null = || StoredValue::null(ty);
+        let initial = initial.cloned().unwrap_or_else(null);
+        self.arena.write(slot, &initial);
         Some(SlotRange {
             store: initial.store(),
             slot,

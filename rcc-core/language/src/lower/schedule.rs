@@ -5,8 +5,9 @@
 //! on the loader's threads.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BinaryHeap;
 
+use foldhash::{HashMap, HashSet};
 use rcc_core::primitives;
 use rcc_core::types::Type;
 
@@ -54,7 +55,7 @@ struct Dependencies {
     readers: Adjacency,
 }
 
-fn dependencies(net: Typed<'_>, kernels: &[Option<BatchKey>]) -> Dependencies {
+fn dependencies(net: Typed<'_>, kernels: &[Option<usize>]) -> Dependencies {
     let sources = net.graph.items.iter().map(|item| {
         // A primitive in a region waits for the condition.
         let links = net.graph.dependencies(item).map(|(_, link)| link);
@@ -69,7 +70,7 @@ fn dependencies(net: Typed<'_>, kernels: &[Option<BatchKey>]) -> Dependencies {
 }
 
 /// Returns the height by item: the most changes of kernel on any path from the item to a result that nothing reads.
-fn heights(dependencies: &Dependencies, kernels: &[Option<BatchKey>]) -> Vec<u32> {
+fn heights(dependencies: &Dependencies, kernels: &[Option<usize>]) -> Vec<u32> {
     let mut waits = dependencies.waits.clone();
     let mut order: Vec<usize> = (0..waits.len()).filter(|item| waits[*item] == 0).collect();
     let mut done = 0;
@@ -98,42 +99,47 @@ fn heights(dependencies: &Dependencies, kernels: &[Option<BatchKey>]) -> Vec<u32
 /// smallest number.
 pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     let items = &net.graph.items;
-    let kernels: Vec<Option<BatchKey>> = items
-        .iter()
-        .enumerate()
-        .map(|(number, item)| {
-            let kernel = kernel_of(net, number, item)?;
-            Some((item.region, primitives::kernel_number(item.row, kernel)))
-        })
-        .collect();
+    let key_of = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
+        let kernel = kernel_of(net, number, item)?;
+        Some((item.region, primitives::kernel_number(item.row, kernel)))
+    };
+    let key_by_item: Vec<Option<BatchKey>> = items.iter().enumerate().map(key_of).collect();
+    let keys: HashSet<BatchKey> = key_by_item.iter().copied().flatten().collect();
+    let mut keys: Vec<BatchKey> = keys.into_iter().collect();
+    keys.sort_unstable();
+    let numbers: HashMap<BatchKey, usize> = keys.iter().copied().zip(0..).collect();
+    let kernels = key_by_item.iter().map(|key| numbers.get(&(*key)?).copied());
+    let kernels: Vec<Option<usize>> = kernels.collect();
     let dependencies = dependencies(net, &kernels);
     let heights = heights(&dependencies, &kernels);
     let Dependencies { mut waits, readers } = dependencies;
-    let mut ready: BTreeMap<BatchKey, ReadyList> = BTreeMap::new();
+    let mut ready: Vec<ReadyList> = Vec::new();
+    ready.resize_with(keys.len(), ReadyList::default);
     for (number, kernel) in kernels.iter().enumerate() {
         let Some(kernel) = kernel else { continue };
-        let row = ready.entry(*kernel).or_default();
+        let row = &mut ready[*kernel];
         row.left += 1;
         if waits[number] == 0 {
             row.items.push((heights[number], Reverse(number)));
         }
     }
     let mut batches: Vec<Batch> = Vec::new();
-    while let Some(kernel) = next_kernel(&ready, batches.last().and_then(|last| last.region)) {
+    while let Some(kernel) = next_kernel(&keys, &ready, batches.last().and_then(|last| last.region))
+    {
+        let (region, number_of_kernel) = keys[kernel];
         let mut batch = Batch {
-            region: kernel.0,
-            kernel: kernel.1,
+            region,
+            kernel: number_of_kernel,
             items: Vec::new(),
         };
-        while let Some(number) = take(&mut ready, kernel) {
+        while let Some(number) = take(&mut ready[kernel]) {
             batch.items.push(number);
             for &reader in readers.of(number) {
                 waits[reader] -= 1;
                 if waits[reader] == 0
                     && let Some(kernel) = kernels[reader]
-                    && let Some(row) = ready.get_mut(&kernel)
                 {
-                    row.items.push((heights[reader], Reverse(reader)));
+                    ready[kernel].items.push((heights[reader], Reverse(reader)));
                 }
             }
         }
@@ -142,21 +148,19 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     batches
 }
 
-fn next_kernel(ready: &BTreeMap<BatchKey, ReadyList>, region: Option<usize>) -> Option<BatchKey> {
-    let rated = ready.iter().filter_map(|(kernel, row)| {
+/// Returns the kernel whose list is next, as an index into the sorted `keys`.
+fn next_kernel(keys: &[BatchKey], ready: &[ReadyList], region: Option<usize>) -> Option<usize> {
+    let rows = keys.iter().zip(ready).enumerate();
+    let rated = rows.filter_map(|(kernel, (key, row))| {
         let (height, _) = row.items.peek()?;
         let finishes = row.items.len() == row.left;
-        let stays = kernel.0 == region;
-        Some((
-            (stays, finishes, *height, row.items.len(), Reverse(*kernel)),
-            *kernel,
-        ))
+        let stays = key.0 == region;
+        Some((stays, finishes, *height, row.items.len(), Reverse(kernel)))
     });
-    rated.max().map(|(_, kernel)| kernel)
+    rated.max().map(|(.., Reverse(kernel))| kernel)
 }
 
-fn take(ready: &mut BTreeMap<BatchKey, ReadyList>, kernel: BatchKey) -> Option<usize> {
-    let row = ready.get_mut(&kernel)?;
+fn take(row: &mut ReadyList) -> Option<usize> {
     let (_, Reverse(number)) = row.items.pop()?;
     row.left -= 1;
     Some(number)

@@ -44,7 +44,7 @@ pub fn read_library(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Li
     report_unknown_keys(root, LIBRARY_KEYS, "a library", diagnostics);
     let name = match root.get("library").map(|node| (node, node.text())) {
         Some((node, Some(name))) => Key {
-            name: name.to_string(),
+            name: name.into(),
             span: node.span,
         },
         Some((node, None)) => {
@@ -80,7 +80,7 @@ pub fn read_uses(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<Key> {
     for node in nodes {
         match node.text() {
             Some(path) => uses.push(Key {
-                name: path.to_string(),
+                name: path.into(),
                 span: node.span,
             }),
             None => diagnostics.push(shape(node, "an element of `use`", "the path of a library")),

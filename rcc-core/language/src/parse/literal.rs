@@ -24,7 +24,7 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
         Value::Bool(value) => LiteralShape::Bool(*value),
         Value::Int(value) => LiteralShape::Int(*value),
         Value::Real(value) => LiteralShape::Real(*value, None),
-        Value::Text(text) if !quantity::looks_like(text) => LiteralShape::Text(text.clone()),
+        Value::Text(text) if !quantity::looks_like(text) => LiteralShape::Text(text.to_string()),
         Value::Text(_) => read_quantity(node, diagnostics)
             .map_or(LiteralShape::Refused, |quantity| {
                 LiteralShape::Real(quantity.value, quantity.unit)
@@ -56,7 +56,7 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
             // The entries have been read without an error.
             let part = |node| read(node, &mut Vec::new());
             let parts = entries.iter();
-            let parts = parts.map(|entry| (entry.key.name.clone(), part(&entry.value)));
+            let parts = parts.map(|entry| (entry.key.name.to_string(), part(&entry.value)));
             Notation::Mapping(parts.collect())
         }
         _ => return canonical,

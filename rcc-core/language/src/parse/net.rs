@@ -2,7 +2,7 @@
 
 use rcc_config::FileKind;
 use rcc_config::diagnostic::{Diagnostic, Span};
-use rcc_config::yaml::{Key, Node, Value};
+use rcc_config::yaml::{Key, Node, ShortText, Value};
 
 use super::primitive::{read_discard, read_primitive};
 use super::shape::{expect_kind, read_description, report_unknown_keys, shape};
@@ -73,7 +73,7 @@ fn read_timing(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Timing {
 
 fn read_name(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Key {
     let unnamed = Key {
-        name: String::new(),
+        name: ShortText::default(),
         span: Span::default(),
     };
     let Some(node) = root.get("net") else {
@@ -87,7 +87,7 @@ fn read_name(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Key {
         return unnamed;
     };
     let name = Key {
-        name: name.to_string(),
+        name: name.into(),
         span: node.span,
     };
     diagnostics.extend(bad_net_name(&name));

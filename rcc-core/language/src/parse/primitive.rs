@@ -1,7 +1,7 @@
 //! Primitives, instances of fragments, and discarded outputs. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_config::yaml::{Entry, Key, Node};
+use rcc_config::yaml::{Entry, Key, Node, ShortText};
 
 use super::shape::{entries_of, report_bad_id, report_unknown_keys, shape};
 use super::source::read_source;
@@ -21,7 +21,7 @@ pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primi
         id: id.clone(),
         kind: PrimitiveKind::Type,
         type_name: Key {
-            name: String::new(),
+            name: ShortText::default(),
             span: id.span,
         },
         parameters: Vec::new(),
@@ -95,7 +95,7 @@ fn read_kind(primitive: &mut Primitive, node: &Node, diagnostics: &mut Vec<Diagn
     };
     primitive.kind = kind;
     primitive.type_name = Key {
-        name: name.to_string(),
+        name: name.into(),
         span: given.span,
     };
 }

@@ -56,8 +56,8 @@ pub(crate) fn parse(text: &str, span: Span) -> Option<Reference> {
     };
     let (primitive_span, port_span) = split.unwrap_or((span, span));
     Some(Reference {
-        primitive: primitive.to_string(),
-        port: port.to_string(),
+        primitive: primitive.into(),
+        port: port.into(),
         part,
         span,
         primitive_span,

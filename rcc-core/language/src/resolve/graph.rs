@@ -4,6 +4,7 @@ use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Key;
 use rcc_core::plan::Rate;
 use rcc_core::primitive::{CatalogueEntry, DefaultValue as Default, ParameterKind, Spec};
+use rcc_core::primitives::CATALOGUE;
 use rcc_core::unit::Unit;
 
 use crate::devices::DeviceTable;
@@ -22,6 +23,8 @@ pub struct NetGraph<'a> {
     pub rate: Rate,
     /// Primitives of known type, in the order of the file.
     pub items: Vec<ResolvedPrimitive<'a>>,
+    /// Indices of their types in the catalogue, each once.
+    pub types: Vec<usize>,
     /// Discarded outputs with the spans of their references.
     pub discarded: Vec<(OutputId, Span)>,
     /// Outputs that count as read because fragments export them, or because unknown inputs or primitives read them.
@@ -265,6 +268,24 @@ impl<'a> ResolvedPrimitive<'a> {
 }
 
 impl<'a> NetGraph<'a> {
+    /// Returns the items of the types for which `is_one` is true, with their numbers, in order. A net has few types:
+    /// without such a type no item is visited.
+    pub fn items_of(
+        &self,
+        is_one: impl Fn(&'static Spec) -> bool,
+    ) -> impl Iterator<Item = (usize, &ResolvedPrimitive<'a>)> {
+        let types = self.types.iter().copied();
+        let types = types.filter(|row| CATALOGUE.get(*row).is_some_and(|it| is_one(&it.spec)));
+        let mut is_of = vec![false; CATALOGUE.len()];
+        let mut items = &[][..];
+        for row in types {
+            is_of[row] = true;
+            items = &self.items;
+        }
+        let items = items.iter().enumerate();
+        items.filter(move |(_, item)| is_of.get(item.row) == Some(&true))
+    }
+
     /// Returns the regions that contain an item, from the innermost to the outermost.
     pub fn regions_of(
         &self,

@@ -115,6 +115,12 @@ impl Literal {
         }
     }
 
+    /// Returns true for null.
+    #[must_use]
+    pub fn is_null(&self) -> bool {
+        matches!(self.shape, LiteralShape::Null)
+    }
+
     /// Returns true if the constant, or an element of it, is refused.
     #[must_use]
     pub fn is_refused(&self) -> bool {
@@ -188,6 +194,18 @@ impl Literal {
         }
     }
 
+    /// Returns true if the constant is a value of the type.
+    #[must_use]
+    pub fn fits(&self, ty: Type) -> bool {
+        match (ty, &self.shape) {
+            // The common ones, without making the value.
+            (_, LiteralShape::Null | LiteralShape::Refused) => true,
+            (Type::Real, _) => self.number().is_some(),
+            (Type::Bool, LiteralShape::Bool(_)) | (Type::Int, LiteralShape::Int(_)) => true,
+            _ => self.stored(ty).is_some(),
+        }
+    }
+
     fn number_or_null(&self) -> Option<f64> {
         match self.shape {
             LiteralShape::Null => Some(NULL_REAL),
@@ -255,7 +273,7 @@ pub fn is_parameter(text: &str) -> bool {
 /// Returns the shape of the first element that is not null.
 fn first_known(elements: &[Literal]) -> Option<&LiteralShape> {
     let mut shapes = elements.iter().map(|element| &element.shape);
-    shapes.find(|shape| **shape != LiteralShape::Null)
+    shapes.find(|shape| !matches!(shape, LiteralShape::Null))
 }
 
 /// Returns the type of a list of rows; rows of different lengths are refused when they are read.

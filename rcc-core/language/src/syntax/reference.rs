@@ -3,6 +3,7 @@
 use std::fmt;
 
 use rcc_config::diagnostic::Span;
+use rcc_config::yaml::ShortText;
 
 use super::part::ValuePart;
 
@@ -10,10 +11,10 @@ use super::part::ValuePart;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reference {
     /// Id of the primitive, or name of the fragment's input.
-    pub primitive: String,
+    pub primitive: ShortText,
     /// Name of the output. Empty for an input of a fragment, and if only a primitive is named, which is refused with a
     /// list of its outputs.
-    pub port: String,
+    pub port: ShortText,
     /// The selected part of the value; `None` for all of it.
     pub part: Option<ValuePart>,
     /// Span of the reference.
