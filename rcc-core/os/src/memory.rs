@@ -5,8 +5,8 @@
 
 use std::fs;
 
-/// Growth of resident memory that triggers a trim, bytes.
-const STEP: usize = 8 << 20;
+/// Growth of the heap that triggers a trim, bytes.
+const STEP: usize = 4 << 20;
 /// Maximum number of calls that are skipped while the memory is in use.
 const PAUSE_MAX: u32 = 64;
 
@@ -14,7 +14,7 @@ const PAUSE_MAX: u32 = 64;
 /// after work that briefly needed very much memory, that is more than the process will need again.
 #[derive(Debug)]
 pub struct MemoryTrimmer {
-    /// Resident memory at the start, bytes.
+    /// Resident memory of the heap at the start, bytes.
     rest: usize,
     /// Number of calls to skip after a trim, because memory in use cannot be returned.
     pause: u32,
@@ -68,10 +68,11 @@ pub fn separate_arenas(threads: usize) {
     let _ = threads;
 }
 
-/// Returns the resident memory of this process, bytes; 0 if the system does not report it.
+/// Returns the resident memory of this process without pages of files, bytes; 0 if the system does not report it. A
+/// program's pages come with its work and cannot be given back.
 fn resident() -> usize {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"));
     let kilobytes = line.and_then(|rest| rest.split_whitespace().next());
     kilobytes
         .and_then(|number| number.parse().ok())
