@@ -34,6 +34,14 @@ fn build() -> PathBuf {
     cargo
         .args(["build", "--quiet", "--workspace", "--bins"])
         .current_dir(repository());
+    // `cargo test` tells a test its package. Build scripts of others (ring) run again when these change, and all that needs
+    // them is built again.
+    for (name, _) in std::env::vars_os() {
+        let name = name.to_string_lossy();
+        if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") {
+            cargo.env_remove(&*name);
+        }
+    }
     // Its name is that of the profile, except that `dev` is built in `debug`.
     let profile = folder.file_name().expect("the folder of a profile");
     if profile != "debug" {
