@@ -20,7 +20,7 @@ use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use rcc_loader::server::service::history::{READ_EVERY, RecordFollower};
-use rcc_os::memory::{MemoryTrimmer, separate_arenas};
+use rcc_os::memory::{MemoryTrimmer, configure_allocator};
 use rcc_process::helpers::Hang;
 use rcc_process::oom;
 use rcc_process::priority::{STOP_NICE, WorkerPriority, raise_stop_thread};
@@ -63,7 +63,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
-    separate_arenas(routes::THREADS_MAX + OWN_THREADS_MAX);
+    configure_allocator(routes::THREADS_MAX + OWN_THREADS_MAX);
     // Without /proc the score cannot be set.
     let _ = oom::raise_score(oom::SCORE_RESTARTABLE);
     exit::conclude(serve(&cell))

@@ -7,6 +7,9 @@ use std::fs;
 
 /// Growth of the heap that triggers a trim, bytes.
 const STEP: usize = 4 << 20;
+/// Free memory at the end of an arena that is kept, bytes.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const ARENA_END: libc::c_int = 128 << 10;
 /// Maximum number of calls that are skipped while the memory is in use.
 const PAUSE_MAX: u32 = 64;
 
@@ -54,15 +57,25 @@ impl MemoryTrimmer {
     }
 }
 
-/// Lets each of this many threads have an arena of the allocator for itself. With fewer, a thread waits for another one
-/// that holds their arena and has no processor, whatever its own priority is. To be called before the threads are made; does
-/// nothing unless the allocator is glibc's.
-pub fn separate_arenas(threads: usize) {
+/// Sets the allocator up for a process whose work now and then needs very much memory. To be called before threads are
+/// made; does nothing unless the allocator is glibc's.
+///
+/// Each of `threads` threads gets an arena for itself: with fewer, a thread waits for another one that holds their arena
+/// and has no processor, whatever its own priority is.
+///
+/// [`MemoryTrimmer`] does not reach the end of an arena other than the first: `free` returns it, if it is longer than a limit
+/// that by default grows to twice the largest block that was ever freed. So the limit is fixed, and small blocks join their
+/// neighbours at once (no fast bins); otherwise a trim joins them into the end of the arena, which no `free` then returns.
+pub fn configure_allocator(threads: usize) {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    // SAFETY: it takes two numbers and no pointer, and only limits how many arenas are made from now on.
-    unsafe {
+    for (parameter, value) in [
+        (libc::M_ARENA_MAX, threads.try_into().unwrap_or(i32::MAX)),
+        (libc::M_TRIM_THRESHOLD, ARENA_END),
+        (libc::M_MXFAST, 0),
+    ] {
+        // SAFETY: it takes two numbers and no pointer, and only sets how arenas are made and shrink from now on.
         // Refused only for parameters that the library does not know.
-        let _ = libc::mallopt(libc::M_ARENA_MAX, threads.try_into().unwrap_or(i32::MAX));
+        let _ = unsafe { libc::mallopt(parameter, value) };
     }
     #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
     let _ = threads;
@@ -72,7 +85,9 @@ pub fn separate_arenas(threads: usize) {
 /// program's pages come with its work and cannot be given back.
 fn resident() -> usize {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"));
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("RssAnon:"));
     let kilobytes = line.and_then(|rest| rest.split_whitespace().next());
     kilobytes
         .and_then(|number| number.parse().ok())
@@ -92,10 +107,18 @@ fn give_back() {
 
 #[cfg(all(test, target_os = "linux", target_env = "gnu"))]
 mod tests {
+    use std::hint::black_box;
+    use std::sync::Mutex;
+    use std::sync::mpsc::channel;
+
     use super::*;
+
+    /// Tests that measure the memory of the process run one after the other.
+    static MEASURED: Mutex<()> = Mutex::new(());
 
     #[test]
     fn memory_freed_below_a_live_allocation_is_returned() {
+        let _alone = MEASURED.lock();
         const PIECE: usize = 1 << 10;
         const ALL: usize = 48 << 20;
         let mut returned = MemoryTrimmer::default();
@@ -109,5 +132,46 @@ mod tests {
         let after = resident();
         assert!(after < full - ALL / 2, "{after} of {full} bytes");
         assert_eq!(last.map(|piece| piece.len()), Some(PIECE));
+    }
+
+    #[test]
+    fn memory_at_the_end_of_a_threads_arena_is_returned() {
+        const PIECE: usize = 16 << 10;
+        const ALL: usize = 24 << 20;
+        let _alone = MEASURED.lock();
+        configure_allocator(64);
+        let mut trimmer = MemoryTrimmer::default();
+        // By default a large block that was freed is taken as the size of those to come.
+        drop(black_box(vec![1_u8; ALL]));
+        let (step, steps) = channel();
+        let (go, gone) = channel();
+        let worker = std::thread::spawn(move || {
+            let small = || {
+                (0..32)
+                    .map(|_| black_box(Box::new([1_u8; 64])))
+                    .collect::<Vec<_>>()
+            };
+            let kept = small();
+            let large: Vec<Vec<u8>> = (0..ALL / PIECE).map(|_| vec![1; PIECE]).collect();
+            let last = small();
+            step.send(()).unwrap();
+            gone.recv().unwrap();
+            // A thread keeps a few small blocks for itself; by default the allocator keeps those that follow in fast bins.
+            drop(kept);
+            drop(large);
+            drop(last);
+            step.send(()).unwrap();
+            // The arena lives as long as its thread.
+            gone.recv().unwrap();
+        });
+        steps.recv().unwrap();
+        let full = resident();
+        go.send(()).unwrap();
+        steps.recv().unwrap();
+        trimmer.trim_if_grown();
+        let after = resident();
+        assert!(after < full - ALL / 2, "{after} of {full} bytes");
+        go.send(()).unwrap();
+        worker.join().unwrap();
     }
 }
