@@ -17,7 +17,7 @@ use rcc_process::{exit, oom};
 
 use super::notify::NotifySocket;
 use super::policy::RestartPolicy;
-use super::processes::{LOADER_ENVIRONMENT, ProcessKind, ProcessSpec, ReadySignal};
+use super::processes::{ProcessSpec, ReadySignal};
 
 /// Length from which a log is emptied, bytes.
 const LOG_MAX: u64 = 8 << 20;
@@ -109,9 +109,6 @@ impl Child {
         // If set for the supervisor itself, these are not meant for its children.
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
             command.env_remove(name);
-        }
-        if self.spec.kind == ProcessKind::Loader {
-            command.envs(LOADER_ENVIRONMENT);
         }
         // A child that starts while the supervisor dies must not outlive it.
         command.env(PARENT, std::process::id().to_string());

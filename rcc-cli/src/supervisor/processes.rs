@@ -40,13 +40,6 @@ impl ProcessKind {
     ];
 }
 
-/// Environment of the loader: returns the memory of long texts to the system (mallopt(3)).
-pub const LOADER_ENVIRONMENT: [(&str, &str); 3] = [
-    ("MALLOC_ARENA_MAX", "2"),
-    ("MALLOC_TRIM_THRESHOLD_", "131072"),
-    ("MALLOC_MMAP_THRESHOLD_", "131072"),
-];
-
 impl ProcessKind {
     /// Returns the OOM score adjustment: how readily the kernel kills it when memory runs out.
     #[must_use]
