@@ -38,9 +38,7 @@ impl ProcessKind {
         ProcessKind::Driver,
         ProcessKind::Simulator,
     ];
-}
 
-impl ProcessKind {
     /// Returns the OOM score adjustment: how readily the kernel kills it when memory runs out.
     #[must_use]
     pub fn oom_score(self) -> i32 {

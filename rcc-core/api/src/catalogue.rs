@@ -3,8 +3,8 @@
 use rcc_config::device::kind_name;
 use rcc_core::linear::SIDE_MAX;
 use rcc_core::primitive::{
-    DefaultValue, Dim, ElementType, Example, Parameter, ParameterKind, Port, PortType, Role,
-    StateSpec, UnitRule,
+    DefaultValue, Dim, ElementType, Example, Parameter, ParameterKind, Port, PortType, StateSpec,
+    UnitRule,
 };
 use rcc_core::primitives::{CATALOGUE, Subject};
 use rcc_core::unit::Unit;
@@ -30,7 +30,7 @@ pub fn primitives() -> Vec<PrimitiveView> {
                 inputs: spec.inputs.iter().map(port).collect(),
                 outputs: spec.outputs.iter().map(port).collect(),
                 parameters: spec.parameters.iter().map(parameter).collect(),
-                unique: matches!(spec.role, Role::CommandsArm | Role::CommandsChannel),
+                unique: spec.commands_device(),
                 remembers: spec.state != StateSpec::NONE,
                 examples: spec.examples.iter().map(example).collect(),
             }

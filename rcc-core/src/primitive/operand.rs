@@ -329,6 +329,12 @@ impl Spec {
         ports.chain(values)
     }
 
+    /// Returns true for a primitive that commands a device: a unique resource.
+    #[must_use]
+    pub fn commands_device(&self) -> bool {
+        matches!(self.role, Role::CommandsArm | Role::CommandsChannel)
+    }
+
     /// Returns true if the primitive accepts values of several widths; the operands of a kernel that is not for
     /// single-element values then include the width.
     pub fn is_wide(&self) -> bool {

@@ -32,7 +32,7 @@ enum OpenNode {
 /// Up to this number of entries a name is looked for in the entries themselves.
 const FEW_ENTRIES: usize = 16;
 
-/// Whether a mapping has no entry of this name yet.
+/// Returns true if no entry of the mapping has this key yet.
 fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<ShortText>) -> bool {
     if entries.len() < FEW_ENTRIES {
         return entries.iter().all(|entry| entry.key.name != name);
@@ -53,7 +53,7 @@ pub(super) struct TreeBuilder<'a> {
     entries: Vec<Entry>,
     documents: usize,
     root: Option<Node>,
-    /// What is refused so far.
+    /// Errors found so far.
     pub(super) faults: Vec<Diagnostic>,
 }
 

@@ -67,8 +67,7 @@ fn claim(item: &ResolvedPrimitive<'_>) -> Option<(usize, Option<(ChannelKind, u3
 /// Requires that no two primitives of a net command the same resource.
 pub fn resources_are_commanded_once(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut holders: BTreeMap<ResourceKey, &ResolvedPrimitive<'_>> = BTreeMap::new();
-    let commands = |spec: &Spec| matches!(spec.role, Role::CommandsArm | Role::CommandsChannel);
-    for (_, item) in net.graph.items_of(commands) {
+    for (_, item) in net.graph.items_of(Spec::commands_device) {
         let Some((device, channel)) = claim(item) else {
             continue;
         };

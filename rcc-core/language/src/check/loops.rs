@@ -139,10 +139,10 @@ pub fn loops_can_recover_from_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
     }
 }
 
-/// Returns true if a link or condition of the net is such a one.
+/// Returns true if `is_one` is true for a link or condition of the net.
 fn has_link(graph: &NetGraph<'_>, is_one: impl Fn(&ResolvedLink<'_>) -> bool) -> bool {
-    let links = graph.items.iter().flat_map(|item| graph.dependencies(item));
-    links.into_iter().any(|(_, link)| is_one(link))
+    let mut links = graph.items.iter().flat_map(|item| graph.dependencies(item));
+    links.any(|(_, link)| is_one(link))
 }
 
 fn has_delay(graph: &NetGraph<'_>, circle: &[usize]) -> bool {

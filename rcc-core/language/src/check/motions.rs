@@ -236,8 +236,7 @@ pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>
 /// Requires that no command is the constant null: the device would never be commanded. Values that are null in every
 /// cycle for another reason are refused by `nulls::commands_can_become_known`.
 pub fn commands_are_not_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let commands = |spec: &Spec| matches!(spec.role, Role::CommandsArm | Role::CommandsChannel);
-    for (_, item) in net.graph.items_of(commands) {
+    for (_, item) in net.graph.items_of(Spec::commands_device) {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let Some(literal) = constant(net, input_source).filter(|literal| has_null(literal))
             else {

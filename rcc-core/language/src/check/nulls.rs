@@ -1,7 +1,7 @@
 //! Rules about values that are null in every cycle. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::{Role, Spec};
+use rcc_core::primitive::Spec;
 
 use crate::codes;
 use crate::infer::Typed;
@@ -11,8 +11,7 @@ use crate::resolve::InputSource;
 /// Requires that a command can have a value: one that is null in every cycle commands nothing, and its net would run, or
 /// wait for ever, without moving anything. Constants are checked by `commands_are_not_null`.
 pub fn commands_can_become_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let commands = |spec: &Spec| matches!(spec.role, Role::CommandsArm | Role::CommandsChannel);
-    let mut items = net.graph.items_of(commands).peekable();
+    let mut items = net.graph.items_of(Spec::commands_device).peekable();
     if items.peek().is_none() {
         return;
     }

@@ -2,7 +2,7 @@
 
 use rcc_config::article::with_article;
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::{ParameterKind, Port, PortType, Spec, UnitRule};
+use rcc_core::primitive::{ParameterKind, PortType, Spec, UnitRule};
 use rcc_core::unit::Unit;
 
 use crate::codes;
@@ -11,11 +11,8 @@ use crate::resolve::InputSource;
 
 /// Requires that the array lengths that a spec leaves open can be inferred.
 pub fn lengths_are_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let has_length = |port: &Port| matches!(port.ty, PortType::Array(..) | PortType::Matrix(..));
-    let items = net.graph.items_of(|spec| {
-        let mut ports = spec.inputs.iter().chain(spec.outputs);
-        ports.any(has_length)
-    });
+    let has_length = |ty| matches!(ty, PortType::Array(..) | PortType::Matrix(..));
+    let items = net.graph.items_of(|spec| spec.types().any(has_length));
     for (number, item) in items {
         let spec = item.spec();
         let ports = spec.inputs.iter().chain(spec.outputs);
@@ -61,15 +58,13 @@ pub fn lengths_are_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
 
 /// Requires that a primitive has a kernel for the type that it is connected to.
 pub fn types_suit_their_primitives(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let is_open = |port: &&Port| port.ty.is_open();
-    let items = net.graph.items_of(|spec| {
-        let mut ports = spec.inputs.iter().chain(spec.outputs);
-        ports.any(|port| is_open(&port))
-    });
+    let items = net
+        .graph
+        .items_of(|spec| spec.types().any(PortType::is_open));
     for (number, item) in items {
         let spec = item.spec();
         let mut ports = spec.inputs.iter().chain(spec.outputs);
-        let Some(port) = ports.find(is_open) else {
+        let Some(port) = ports.find(|port| port.ty.is_open()) else {
             continue;
         };
         let Some(ty) = net.inferred.open_type(number) else {
