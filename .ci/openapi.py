@@ -67,13 +67,17 @@ def generate(described, folder):
 def round_trip(transport):
     """Loads a net, runs it to its end, and unloads it."""
     from rcc_client import Client
+    from rcc_client.api.cell import get_status
     from rcc_client.api.commands import get_command, load_command, start_command, unload_command
     from rcc_client.api.values import read_values
-    from rcc_client.models import CommandState, EndReason, ErrorBody, LoadCommandJsonBody, Start
+    from rcc_client.models import CommandState, EndReason, ErrorBody, LoadCommandJsonBody, Loaded, Start, StatusView
 
     client = Client(base_url="http://rcc", httpx_args={"transport": transport})
     body = LoadCommandJsonBody.from_dict(NET)
+    # The loader serves its document before the executor has come.
+    wait_for("status", lambda: status if isinstance(status := get_status.sync(client=client), StatusView) else None)
     command = load_command.sync(client=client, body=body)
+    assert isinstance(command, Loaded), command
     name = str(command.id)
 
     def reaches(state):
