@@ -11,6 +11,8 @@ use serde_json::{Value, json};
 
 use pair::CellPair;
 
+mod cable;
+mod conveyor;
 mod deploy;
 mod fleet;
 mod hosts;
@@ -34,6 +36,14 @@ fn installed() -> Result<(), String> {
         true => Ok(()),
         false => Err(format!("{} does not exist", path.display())),
     }
+}
+
+/// Returns `RCC_SEED`, or a number of this process.
+fn seed() -> u64 {
+    let seed = std::env::var("RCC_SEED").ok();
+    seed.map_or(u64::from(std::process::id()), |text| {
+        text.parse().expect("a number")
+    })
 }
 
 /// Returns the pair, or says why the test is skipped.
@@ -94,10 +104,7 @@ fn a_cut_link_is_null_and_nothing_starts_by_itself() {
     }
     let longest = CUT_MAX_S[usize::from(count.is_some())];
     let count = count.map_or(CUTS, |text| text.parse().expect("a number"));
-    let seed = std::env::var("RCC_SEED").ok();
-    let seed = seed.map_or(u64::from(std::process::id()), |text| {
-        text.parse().expect("a number")
-    });
+    let seed = seed();
     let mut random = Rng::with_seed(seed);
     // The first cut opens what later ones open again.
     pair.hosts.cut();

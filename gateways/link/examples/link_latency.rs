@@ -91,7 +91,7 @@ fn over_zenoh(messages: u64) -> Result<Vec<Duration>, Box<dyn std::error::Error>
             value: 0.25.into(),
         };
         let bytes = message.bytes().unwrap_or_default();
-        let put = sender.put(&key, bytes).express(true);
+        let put = sender.put(&key, bytes).attachment(&key).express(true);
         if let Err(error) = put.wait() {
             eprintln!("{error}");
         }

@@ -185,7 +185,11 @@ fn added(key: &str, subscribed: &str, payload: &[u8]) -> Result<usize, Failure> 
     });
     let _subscriber = subscriber.wait().map_err(|error| error.to_string())?;
     let send = || {
-        let put = sender.put(key, payload).express(true).wait();
+        let put = sender
+            .put(key, payload)
+            .attachment(key)
+            .express(true)
+            .wait();
         put.map_err(|error| error.to_string())
     };
     // Until the subscription is known to the sender.

@@ -21,6 +21,7 @@ use zenoh::{Session, Wait};
 
 use crate::access::Role;
 use crate::keys::CellKeys;
+use crate::named::is_named;
 use crate::session::{self, Identity, SessionError};
 use channels::{LinkChannel, link_channels};
 use inbox::{ChannelState, Inbox};
@@ -289,8 +290,12 @@ impl SharedLink {
             };
             let filled = Arc::clone(&self.inbox);
             let subscriber = session.declare_subscriber(key).callback(move |sample| {
-                if sample.kind() == SampleKind::Put {
-                    filled.take(&topic, &sample.payload().to_bytes());
+                if sample.kind() != SampleKind::Put {
+                    return;
+                }
+                match is_named(&sample) {
+                    true => filled.take(&topic, &sample.payload().to_bytes()),
+                    false => filled.refuse(),
                 }
             });
             subscriber.background().wait().map_err(declared)?;

@@ -14,6 +14,7 @@ use zenoh::{Session, Wait};
 
 use crate::access::Role;
 use crate::keys::{CellKeys, DeployStep, Operation};
+use crate::named::is_named;
 use crate::overview::CellOverview;
 use crate::screen::FleetNews;
 use crate::session::{self, Identity, SessionError};
@@ -143,10 +144,13 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
     }
     let answers = session
         .get(all.status())
+        .attachment(all.status())
         .timeout(ANSWER_MAX)
         .consolidation(ConsolidationMode::None);
     for reply in answers.wait().map_err(not_asked)? {
-        let Ok(sample) = reply.result() else { continue };
+        let Some(sample) = reply.result().ok().filter(|sample| is_named(sample)) else {
+            continue;
+        };
         let status = serde_json::from_slice(&sample.payload().to_bytes()).ok();
         if let Some(cell) = cell_of(sample.key_expr().as_str()) {
             found.entry(cell).or_default().status = status;
@@ -210,6 +214,9 @@ pub fn watch(
     let overviews = session
         .declare_subscriber(all.overview())
         .callback(move |sample| {
+            if !is_named(&sample) {
+                return;
+            }
             let overview = CellOverview::read(&sample.payload().to_bytes());
             let cell = cell_of(sample.key_expr().as_str());
             if let (Some(cell), Some(overview)) = (cell, overview) {
@@ -239,6 +246,9 @@ pub fn watch(
 }
 
 fn message(sample: &Sample) -> Option<CellMessage> {
+    if !is_named(sample) {
+        return None;
+    }
     let key = sample.key_expr().as_str();
     let name = key.splitn(5, '/').nth(4)?.to_owned();
     Some(CellMessage {
@@ -281,7 +291,7 @@ impl CellRequest<'_> {
             Operation::Deploy(DeployStep::Load) => LOAD_MAX,
             Operation::Deploy(_) => CHECK_MAX,
         };
-        let get = session.get(key).timeout(limit);
+        let get = session.get(&key).attachment(&key).timeout(limit);
         let answers = match self.text {
             "" => get.wait(),
             text => get.payload(text).wait(),
@@ -308,7 +318,8 @@ impl PendingAnswer {
     /// Fails if the cell refuses, or does not answer.
     pub fn answer(self) -> Result<Value, FleetError> {
         let PendingAnswer { cell, answers } = self;
-        let Some(reply) = answers.iter().next() else {
+        let is_answer = |reply: &Reply| reply.result().map_or(true, is_named);
+        let Some(reply) = answers.iter().find(is_answer) else {
             return Err(FleetError::NoAnswer { cell });
         };
         let read = |bytes: &[u8]| serde_json::from_slice(bytes).unwrap_or(Value::Null);

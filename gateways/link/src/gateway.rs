@@ -252,6 +252,7 @@ impl LinkPublisher {
     fn send(&self, key: &str, bytes: Vec<u8>) {
         let put = self.session.put(key, bytes);
         let put = put
+            .attachment(key)
             .congestion_control(CongestionControl::Drop)
             .express(true);
         if let Err(error) = put.wait() {

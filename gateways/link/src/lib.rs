@@ -12,6 +12,7 @@ pub mod fleet;
 pub mod gateway;
 pub mod keys;
 pub mod message;
+pub mod named;
 pub mod overview;
 pub mod screen;
 pub mod session;

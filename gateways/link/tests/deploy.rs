@@ -52,7 +52,10 @@ impl Cells {
                         .expect("a list")
                         .push(format!("{cell} {operation}"));
                     let replied = match behaviour(operation) {
-                        Some(Ok(body)) => query.reply(query.key_expr(), body).wait(),
+                        Some(Ok(body)) => {
+                            let key = query.key_expr();
+                            query.reply(key, body).attachment(key.as_str()).wait()
+                        }
                         Some(Err(body)) => query.reply_err(body).wait(),
                         None => {
                             // The cell ends with the request in its hands.

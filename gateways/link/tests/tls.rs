@@ -98,7 +98,8 @@ fn answering(authority: &Authority, rights: &LinkRights) -> (Session, Vec<String
         .declare_queryable(CellKeys::of(PEER).requests())
         .callback(|query| {
             let key = query.key_expr().clone();
-            query.reply(key, "{\"ok\": true}").wait().expect("answered");
+            let reply = query.reply(&key, "{\"ok\": true}").attachment(key.as_str());
+            reply.wait().expect("answered");
         });
     answer.background().wait().expect("a queryable");
     (session, endpoints)
@@ -301,7 +302,8 @@ fn through_a_router_goes_only_what_every_certificate_may() {
         .declare_queryable(CellKeys::of(PEER).requests())
         .callback(|query| {
             let key = query.key_expr().clone();
-            query.reply(key, "{\"ok\": true}").wait().expect("answered");
+            let reply = query.reply(&key, "{\"ok\": true}").attachment(key.as_str());
+            reply.wait().expect("answered");
         });
     answer.background().wait().expect("a queryable");
     let feeder = authority.files("lab/feeder");

@@ -1,7 +1,9 @@
-//! Two network namespaces joined by a veth pair, as two hosts. Removed when dropped.
+//! Two network namespaces as two hosts, joined by a veth pair or by a cable with faults. Removed when dropped.
 
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
+
+use super::cable::Cable;
 
 /// Two hosts, A and B.
 #[derive(Debug)]
@@ -29,8 +31,28 @@ fn ip(arguments: &[&str]) -> Result<(), String> {
 }
 
 impl Hosts {
-    /// Makes both; the error says why it cannot be.
+    /// Makes both, joined by a veth pair; the error says why it cannot be.
     pub fn new() -> Result<Hosts, String> {
+        let hosts = Hosts::apart()?;
+        let ([a, b], [end_a, end_b]) = (&hosts.names, &hosts.ends);
+        ip(&[
+            "link", "add", end_a, "netns", a, "type", "veth", "peer", "name", end_b, "netns", b,
+        ])?;
+        hosts.with_addresses()
+    }
+
+    /// Makes both, joined by a cable whose faults are drawn from `seed`.
+    pub fn with_faults(seed: u64) -> Result<(Hosts, Cable), String> {
+        let hosts = Hosts::apart()?;
+        let cable = Cable::new(&hosts.ends, seed)?;
+        for (name, end) in hosts.names.iter().zip(&hosts.ends) {
+            ip(&["link", "set", end, "netns", name])?;
+        }
+        Ok((hosts.with_addresses()?, cable))
+    }
+
+    /// Makes the namespaces.
+    fn apart() -> Result<Hosts, String> {
         if !nix::unistd::geteuid().is_root() {
             return Err("needs root for network namespaces".to_owned());
         }
@@ -42,27 +64,21 @@ impl Hosts {
             // At most 15 characters.
             ends: ["a", "b"].map(|host| format!("v{host}{own}")),
         };
-        let [a, b] = &hosts.names;
-        let [end_a, end_b] = &hosts.ends;
-        ip(&["netns", "add", a])?;
-        ip(&["netns", "add", b])?;
-        ip(&[
-            "link", "add", end_a, "netns", a, "type", "veth", "peer", "name", end_b, "netns", b,
-        ])?;
-        for ((name, end), address) in hosts.names.iter().zip(&hosts.ends).zip(ADDRESSES) {
-            ip(&[
-                "-n",
-                name,
-                "address",
-                "add",
-                &format!("{address}/24"),
-                "dev",
-                end,
-            ])?;
+        for name in &hosts.names {
+            ip(&["netns", "add", name])?;
             ip(&["-n", name, "link", "set", "lo", "up"])?;
-            ip(&["-n", name, "link", "set", end, "up"])?;
         }
         Ok(hosts)
+    }
+
+    /// Gives the ends of the cable their addresses, and switches them on.
+    fn with_addresses(self) -> Result<Hosts, String> {
+        for ((name, end), address) in self.names.iter().zip(&self.ends).zip(ADDRESSES) {
+            let address = format!("{address}/24");
+            ip(&["-n", name, "address", "add", &address, "dev", end])?;
+            ip(&["-n", name, "link", "set", end, "up"])?;
+        }
+        Ok(self)
     }
 
     /// Pulls the cable.

@@ -19,7 +19,7 @@ const JOINT: usize = 0;
 /// Where the gateway of A listens.
 pub(super) const ENDPOINT: &str = "tcp/10.77.0.1:7447";
 /// Where the arm of B rests, rad.
-const REST: &str =
+pub(super) const REST: &str =
     "-1.5707963267948966, 1.5707963267948966, -1.5707963267948966, -1.5707963267948966, 0.0";
 
 const BELT: &str = "net: belt
@@ -65,7 +65,8 @@ pub(super) struct CellPair {
     pub hosts: Hosts,
 }
 
-fn cell(namespace: &str, further: &str) -> TestCell {
+/// A cell with an arm in a namespace; `further` follows its arm in the configuration.
+pub(super) fn cell(namespace: &str, further: &str) -> TestCell {
     let config = repository().join("configs/cells/by-joints.yaml");
     let text = format!(
         "cell: test\nperiod: 1 ms\nstale_after: 250 ms\ndevices:\n  arm:\n    driver: ideal-arm\n    robot: ../robots/ur5e.yaml\n    \
@@ -73,6 +74,21 @@ fn cell(namespace: &str, further: &str) -> TestCell {
     );
     let place = CellFixture::new(&config, |_| text.clone());
     TestCell::begin(place.in_namespace(namespace))
+}
+
+/// Starts the gateway of a cell.
+pub(super) fn start_gateway(cell: &TestCell) -> Child {
+    let mut command = cell.program("rcc-link");
+    command.arg("serve").arg("--config").arg(cell.config());
+    let child = ends_with_test(&mut command).spawn();
+    child.expect("rcc-link starts")
+}
+
+/// Asks a gateway to end, and asserts that it does so well.
+pub(super) fn end_gateway(mut gateway: Child) {
+    signal(gateway.id(), Signal::SIGTERM);
+    let status = gateway.wait().expect("it is a child");
+    assert!(status.success(), "{status:?}");
 }
 
 impl CellPair {
@@ -104,10 +120,7 @@ impl CellPair {
     }
 
     pub fn start_gateway(&mut self) {
-        let mut command = self.a.program("rcc-link");
-        command.arg("serve").arg("--config").arg(self.a.config());
-        let child = ends_with_test(&mut command).spawn();
-        self.gateway = Some(child.expect("rcc-link starts"));
+        self.gateway = Some(start_gateway(&self.a));
     }
 
     pub fn kill_gateway(&mut self) {
@@ -247,10 +260,8 @@ impl CellPair {
 
     /// Ends everything, and asserts that nothing is left.
     pub fn stop(mut self) {
-        if let Some(mut gateway) = self.gateway.take() {
-            signal(gateway.id(), Signal::SIGTERM);
-            let status = gateway.wait().expect("it is a child");
-            assert!(status.success(), "{status:?}");
+        if let Some(gateway) = self.gateway.take() {
+            end_gateway(gateway);
         }
         let CellPair { a, b, hosts, .. } = self;
         a.stop();

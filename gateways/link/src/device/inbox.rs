@@ -104,6 +104,11 @@ impl Inbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Counts a message that cannot be taken.
+    pub fn refuse(&self) {
+        self.state().refused += 1;
+    }
+
     /// Takes a message that arrives now.
     pub fn take(&self, topic: &str, bytes: &[u8]) {
         self.take_at(topic, bytes, self.now_ns());
@@ -114,7 +119,7 @@ impl Inbox {
             Ok(message) => message,
             Err(error) => {
                 tracing::debug!(topic, %error, "a message is refused");
-                self.state().refused += 1;
+                self.refuse();
                 return;
             }
         };

@@ -247,12 +247,21 @@ fn a_topic_of_a_peer_becomes_an_input() {
     let sender = session::open(&[format!("tcp/127.0.0.1:{port}")], &[], None).expect("a session");
     let key = CellKeys::new("lab", "press").topic("force").expect("a key");
     let mut sequence = 0;
+    // Messages that do not name their key, or name another one, are not its values.
+    let publish = |sequence: u64, value: Value, named: Option<&str>| {
+        let bytes = message(sequence, sequence, "Real", Some("N"), value).bytes();
+        let put = sender.put(&key, bytes.expect("bytes")).attachment(named);
+        put.wait().expect("it is sent");
+    };
+    let other = CellKeys::new("lab", "press").topic("other").expect("a key");
+    while driver.inbox.read(0).refused < 2 {
+        publish(u64::MAX, json!(-1.0), Some(&other));
+        publish(u64::MAX, json!(-1.0), None);
+        assert!(driver.receive(timeout, &mut inputs).is_err());
+    }
     let exchange = loop {
         sequence += 1;
-        let bytes = message(sequence, sequence, "Real", Some("N"), json!(sequence))
-            .bytes()
-            .expect("bytes");
-        sender.put(&key, bytes).wait().expect("it is sent");
+        publish(sequence, json!(sequence), Some(&key));
         match driver.receive(timeout, &mut inputs) {
             Ok(exchange) => break exchange,
             Err(error) => assert!(sequence < 20_000, "{error}"),

@@ -15,6 +15,7 @@ use zenoh::{Session, Wait};
 use super::deployment::Deployment;
 use super::{GatewayError, GatewayOptions, loader};
 use crate::keys::{CellKeys, Operation, RequestKey};
+use crate::named::is_asked;
 use crate::session::SessionError;
 
 /// Requests that wait; more are refused.
@@ -48,7 +49,8 @@ impl Requests {
         let (of_operations, own) = (asked.clone(), keys.clone());
         let operations = session.declare_queryable(keys.requests());
         let operations = operations.callback(move |query| {
-            let Some(key) = own.parse_request(query.key_expr().as_str()) else {
+            let key = own.parse_request(query.key_expr().as_str());
+            let Some(key) = key.filter(|_| is_asked(&query)) else {
                 return refuse(&query, "no such request: use the same build on both sides");
             };
             match key.operation {
@@ -163,7 +165,7 @@ fn answer(query: &Query, result: Result<Value, String>) {
 }
 
 fn reply(query: &Query, key: &str, answer: &Value) {
-    let replied = query.reply(key, answer.to_string()).wait();
+    let replied = query.reply(key, answer.to_string()).attachment(key).wait();
     if let Err(error) = replied {
         tracing::debug!(%error, "not answered");
     }
