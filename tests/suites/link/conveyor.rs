@@ -103,12 +103,8 @@ primitives:
 
 /// Settings of a cell: its gateway, and the topics of the other cell as a device.
 fn settings(own: usize, channels: &str) -> String {
-    let [here, there] = ["lab-a", "lab-b"].map(str::to_owned);
-    let (here, there) = if own == 0 {
-        (here, there)
-    } else {
-        (there, here)
-    };
+    let sites = ["lab-a", "lab-b"];
+    let (here, there) = (sites[own], sites[1 - own]);
     let [listen, connect] = [own, 1 - own].map(|host| format!("tcp/{}:{PORT}", ADDRESSES[host]));
     let shown = program("rcc-link-device");
     let shown = shown.display();
