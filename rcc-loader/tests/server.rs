@@ -394,6 +394,29 @@ fn an_unloaded_net_leaves_no_file() {
     );
 }
 
+/// A client that follows a net of somebody else's may ask between the executor's last table with it and the loader's answer.
+#[test]
+fn how_a_net_ended_is_known_while_it_is_being_unloaded() {
+    let test = TestCell::new("ended");
+    let executor = FakeExecutor::start(&test.cell, &[(4, CommandState::Terminated)], None);
+    let service = service(&test.cell);
+    executor.hold(true);
+    let found = std::thread::scope(|scope| {
+        let unload = || service.operate(&without_deadline(), "4", Operation::Unload);
+        let unloading = scope.spawn(unload);
+        while service.detail("4", true).is_ok() {
+            std::thread::yield_now();
+        }
+        let found = service.detail_or_unloaded("4");
+        executor.hold(false);
+        let done = unloading.join().expect("it does not panic");
+        assert_eq!(done.map(|done| done.id), Ok(4));
+        found
+    });
+    let ended = found.map(|found| (found.command.state, found.command.reason));
+    assert_eq!(ended, Ok(("terminated".into(), Some("finished".into()))));
+}
+
 #[test]
 fn a_lost_executor_is_reported_and_the_next_one_is_found() {
     let test = TestCell::new("gone");

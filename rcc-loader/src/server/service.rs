@@ -347,7 +347,9 @@ impl Service {
             let row = attached.tables().command(id).copied()?;
             (row.reason != EndReason::None as u32).then(|| self.view(&store, &row))
         };
+        // Before the executor drops it: whoever finds it no longer in the table finds it here.
         let ended = (operation == Operation::Unload).then(ended).flatten();
+        ended.into_iter().for_each(|ended| self.unloaded.add(ended));
         done("name");
         let answer = self.executor.call_for(caller, &operation.call(id))?;
         done("executor");
@@ -355,7 +357,6 @@ impl Service {
             Answer::Done { cycle } | Answer::Rehearsed { cycle, .. } => {
                 if operation == Operation::Unload {
                     store.remove(id);
-                    ended.into_iter().for_each(|ended| self.unloaded.add(ended));
                 }
                 Ok(Done { id, net, cycle })
             }

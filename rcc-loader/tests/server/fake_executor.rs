@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use rcc_core::frame::PrepareFault;
-use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
+use rcc_core::message::{
+    CommandEntry, CommandState, CycleStatus, DeviceState, EndReason, MAGIC, Tables,
+};
 use rcc_core::timing::CycleTiming;
 use rcc_ipc::{Announced, BoardWriter, Cell, Server, Session};
 use rcc_protocol::control::{Answer, CONTROL, Call, NetValues, Refusal, STATUS, TABLES, TIMING};
@@ -116,6 +118,9 @@ impl FakeExecutor {
         }
         for (row, (id, state)) in tables.commands.iter_mut().zip(rows) {
             (row.id, row.state) = (*id, *state as u32);
+            if *state == CommandState::Terminated {
+                row.reason = EndReason::Finished as u32;
+            }
         }
         let seen = Arc::new(Mutex::new(CallLog::default()));
         let stop = Arc::new(AtomicBool::new(false));

@@ -14,10 +14,14 @@ pub(super) const UNLOADED_MAX: usize = 256;
 pub(super) struct UnloadedCommands(Mutex<VecDeque<CommandView>>);
 
 impl UnloadedCommands {
-    /// Remembers a command that has ended, without its diagnostics, which may be long.
+    /// Remembers a command that has ended, without its diagnostics, which may be long; once, however often its unloading is
+    /// asked for.
     pub(super) fn add(&self, command: CommandView) {
         // A panic leaves it intact: a command is either in it or not.
         let mut commands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if commands.iter().any(|known| known.id == command.id) {
+            return;
+        }
         if commands.len() >= UNLOADED_MAX {
             commands.pop_front();
         }
@@ -42,7 +46,7 @@ mod tests {
     fn the_last_commands_are_remembered() {
         let commands = UnloadedCommands::default();
         let last = UNLOADED_MAX as u64 + 1;
-        for id in 1..=last {
+        for id in (1..=last).chain([last]) {
             commands.add(CommandView {
                 id,
                 ..CommandView::default()
