@@ -280,5 +280,14 @@ fn devices_says_why_there_is_no_value() {
     await_some("the device to be ready", || {
         (pair.b.device("press")?["state"] == "ready").then_some(())
     });
+    // Its driver tells what it knows from time to time.
+    await_told("the topic in the report of `doctor link`", || {
+        let report = pair.b.cli(&["doctor", "link", "press", "--output", "json"]);
+        let words = String::from_utf8_lossy(&report.stdout).into_owned();
+        match report.status.success() && words.contains("belt/position") {
+            true => Ok(()),
+            false => Err(words),
+        }
+    });
     pair.stop();
 }

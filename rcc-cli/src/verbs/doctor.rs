@@ -39,7 +39,7 @@ pub struct Arguments {
 #[derive(clap::Subcommand, Debug)]
 pub enum DoctorCommand {
     /// Diagnose the connection of a device, stage by stage
-    #[command(visible_aliases = ["fri", "modbus", "ethercat"])]
+    #[command(visible_aliases = ["fri", "modbus", "ethercat", "link"])]
     Device {
         /// Name of the device
         name: String,
