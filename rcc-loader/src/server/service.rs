@@ -343,13 +343,13 @@ impl Service {
         };
         let id = self.resolve(tables, &store, name, |state| operation.suits(state))?;
         let net = self.net(&store, id);
-        let ended = || {
-            let row = attached.tables().command(id).copied()?;
-            (row.reason != EndReason::None as u32).then(|| self.view(&store, &row))
-        };
-        // Before the executor drops it: whoever finds it no longer in the table finds it here.
-        let ended = (operation == Operation::Unload).then(ended).flatten();
-        ended.into_iter().for_each(|ended| self.unloaded.add(ended));
+        if operation == Operation::Unload
+            && let Some(row) = attached.tables().command(id)
+            && row.reason != EndReason::None as u32
+        {
+            // Before the executor drops it: a client that no longer finds it in the table finds it here.
+            self.unloaded.add(self.view(&store, row));
+        }
         done("name");
         let answer = self.executor.call_for(caller, &operation.call(id))?;
         done("executor");
