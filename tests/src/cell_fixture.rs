@@ -178,6 +178,14 @@ impl CellFixture {
             .unwrap_or_else(|error| panic!("{method} {path}: {error}\n{}", self.logs()))
     }
 
+    /// Returns the value of a port of a command, given by its id or the name of its net.
+    pub fn value(&self, command: impl std::fmt::Display, port: &str) -> Value {
+        let path = format!("/commands/{command}/values?ports={port}");
+        let reply = self.rest("GET", &path, "");
+        assert_eq!(reply.status, 200, "{reply:?}");
+        reply.body["values"][0]["value"].clone()
+    }
+
     /// Loads a net and waits until it is `ready` or `rejected`; returns the command's id and row.
     pub fn load_any(&self, text: &str) -> (u64, Value) {
         let loaded = self.rest("POST", "/commands", text);

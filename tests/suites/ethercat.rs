@@ -53,12 +53,6 @@ fn patient(text: String) -> String {
         .replace("watchdog: 100 ms", "watchdog: 500 ms")
 }
 
-fn value(cell: &CellFixture, id: u64, port: &str) -> Value {
-    let reply = cell.rest("GET", &format!("/commands/{id}/values?ports={port}"), "");
-    assert_eq!(reply.status, 200, "{reply:?}");
-    reply.body["values"][0]["value"].clone()
-}
-
 fn outputs(line: &mut Simulator) -> (Value, Value) {
     let state = line.state();
     let row = |position: usize| state["terminals"][position]["outputs"].clone();
@@ -97,9 +91,9 @@ fn the_shipped_cell_switches_outputs_and_reads_inputs() {
     let id = cell.run(ALL_ON);
     await_outputs(&mut line, lamps(1, 1), HALF);
     await_some("the inputs that belong to the outputs", || {
-        let measured = value(&cell, id, "measured.out").as_f64()?;
-        let level = value(&cell, id, "level.out").as_f64()?;
-        let on = value(&cell, id, "lamp_on.out") == true && value(&cell, id, "door.out") == true;
+        let measured = cell.value(id, "measured.out").as_f64()?;
+        let level = cell.value(id, "level.out").as_f64()?;
+        let on = cell.value(id, "lamp_on.out") == true && cell.value(id, "door.out") == true;
         (on && (measured - 5e5).abs() < 16.0 && (level - 1.0).abs() < 1e-3).then_some(())
     });
     cell.done(id, "cancel");
@@ -184,9 +178,9 @@ fn a_wrong_working_counter_is_null_at_once_and_a_loss_after_the_configured_numbe
     await_outputs(&mut line, lamps(1, 1), HALF);
     line.ask(&json!({"miss": {"terminal": 1, "frames": 1500}}));
     await_some("null while a terminal takes no part", || {
-        value(&cell, id, "measured.out").is_null().then_some(())
+        cell.value(id, "measured.out").is_null().then_some(())
     });
-    await_some("values again", || value(&cell, id, "measured.out").as_f64());
+    await_some("values again", || cell.value(id, "measured.out").as_f64());
     assert_eq!(cell.state(id)["state"], "running");
     line.ask(&json!({"miss": {"terminal": 1, "frames": 1_000_000}}));
     cell.await_device("line", "offline");

@@ -12,13 +12,6 @@ fn belt() -> String {
     std::fs::read_to_string(path).expect("the example")
 }
 
-/// Reads the value of a port by REST.
-fn value(cell: &TestCell, id: u64, port: &str) -> Value {
-    let reply = cell.rest("GET", &format!("/commands/{id}/values?ports={port}"), "");
-    assert_eq!(reply.status, 200, "{reply:?}");
-    reply.body["values"][0]["value"].clone()
-}
-
 #[test]
 fn inputs_are_set_by_rest_all_at_once_or_not_at_all() {
     let cell = TestCell::demo();
@@ -28,7 +21,7 @@ fn inputs_are_set_by_rest_all_at_once_or_not_at_all() {
     assert_eq!(early.status, 200, "{early:?}");
     cell.start_when_ready(id);
     assert_eq!(
-        value(&cell, id, "lamp.value"),
+        cell.value(id, "lamp.value"),
         json!(true),
         "set before START"
     );
@@ -63,11 +56,11 @@ fn inputs_are_set_by_rest_all_at_once_or_not_at_all() {
         "{words}"
     );
     assert_eq!(
-        value(&cell, id, "lamp.value"),
+        cell.value(id, "lamp.value"),
         json!(false),
         "nothing was set"
     );
-    let expired = || value(&cell, id, "speed.value").is_null().then_some(());
+    let expired = || cell.value(id, "speed.value").is_null().then_some(());
     await_some("the value to expire, because it is not set again", expired);
     cell.done(id, "cancel");
     cell.assert_ends(id, "canceled");
@@ -177,7 +170,7 @@ fn net(name: &str) -> String {
 fn a_net_reads_a_topic_while_its_publisher_runs() {
     let cell = TestCell::demo();
     let lamp = cell.run(&net("touch-lamp"));
-    let touches = |cell: &TestCell| value(cell, lamp, "touches.value");
+    let touches = |cell: &TestCell| cell.value(lamp, "touches.value");
     assert_eq!(touches(&cell), Value::Null, "no net publishes it");
     let touch = cell.run(&net("touch"));
     let known = || (touches(&cell) == json!(false)).then_some(());
@@ -264,7 +257,7 @@ fn a_value_that_moves_the_arm_out_of_its_workspace_ends_the_net_and_the_fault_na
     let id = cell.run(JOG);
     set(id, "deg(10)");
     await_some("the arm to reach 10°", || {
-        (value(&cell, id, "move.position")[0].as_f64()? > 0.17).then_some(())
+        (cell.value(id, "move.position")[0].as_f64()? > 0.17).then_some(())
     });
     set(id, "deg(30)");
     cell.assert_ends(id, "fault");

@@ -7,7 +7,6 @@ use rcc_driver_kit::proxy::FaultRates;
 use rcc_tests::cell::TestCell;
 use rcc_tests::cell_fixture::{await_some, await_told};
 use rcc_tests::program;
-use serde_json::Value;
 
 use super::CANCELED;
 use super::cable::Cable;
@@ -50,11 +49,12 @@ primitives:
   cancel: {type: Cancel}
   end: {type: Termination, inputs: {done: cancel.requested}}
 ";
-/// What the net of cell A has further.
+/// Primitives that only the net of cell A has.
 const NEAR: &str = "  belt: {type: Subscribe, parameters: {topic: belt/position, unit: rad}}
   give: {type: Publish, parameters: {topic: near/joint}, inputs: {in: joint.out}}
 ";
-/// What the net of cell B has further: it gives the belt back as it sees it, and counts when it goes backwards.
+/// Primitives that only the net of cell B has: it publishes the belt position that it receives, and counts the cycles in which that
+/// is below an earlier one.
 const FAR: &str = "  belt: {type: AnalogInput, parameters: {device: other, channel: belt}}
   echo: {type: Publish, parameters: {topic: far/belt}, inputs: {in: belt.out}}
   give: {type: Publish, parameters: {topic: far/joint}, inputs: {in: joint.out}}
@@ -159,26 +159,14 @@ impl Line {
             .run(&COMPARE.replace("LAG_MAX", &LAG_MAX.to_string()));
     }
 
-    /// Returns the value of a port; `None`: null.
-    fn value(&self, cell: &TestCell, net: &str, port: &str) -> Option<Value> {
-        let path = format!("/commands/{net}/values?ports={port}");
-        let reply = cell.try_rest("GET", &path, "").expect("an answer");
-        Some(reply.body["values"][0]["value"].clone()).filter(|value| !value.is_null())
-    }
-
-    fn count(&self, cell: &TestCell, net: &str, port: &str) -> Option<i64> {
-        self.value(cell, net, port)?.as_i64()
-    }
-
     fn compared(&self) -> i64 {
-        self.count(&self.a, "compare", "compared.out")
-            .expect("never null")
+        let count = self.a.value("compare", "compared.out").as_i64();
+        count.expect("never null")
     }
 
     fn await_in_step(&self) {
         await_told("the arms to be in step", || {
-            let apart = self.value(&self.a, "compare", "apart.out");
-            match apart.as_ref().and_then(Value::as_f64) {
+            match self.a.value("compare", "apart.out").as_f64() {
                 Some(apart) if apart.abs() <= IN_STEP => Ok(()),
                 apart => Err(format!("they are {apart:?} apart")),
             }
@@ -187,25 +175,25 @@ impl Line {
 
     /// Set-point of the joint of A's arm that follows the belt, rad.
     fn joint_of_a(&self) -> f64 {
-        let joint = self.value(&self.a, "follow", "joint.out");
-        let joint = joint.as_ref().and_then(Value::as_f64);
-        joint.expect("A sees its own belt")
+        let joint = self.a.value("follow", "joint.out");
+        joint.as_f64().expect("A sees its own belt")
     }
 
     fn await_rest(&self, cell: &TestCell) {
         await_told("an arm to rest", || {
-            match self.value(cell, "follow", "move.velocity") {
-                Some(velocity) if velocity[0].as_f64() == Some(0.0) => Ok(()),
-                velocity => Err(format!("its velocity is {velocity:?}")),
+            let velocity = cell.value("follow", "move.velocity");
+            match velocity[0].as_f64() == Some(0.0) {
+                true => Ok(()),
+                false => Err(format!("its velocity is {velocity}")),
             }
         });
     }
 
     /// Whatever happened, no value was older than its limits, from the future, or older than one before it.
     fn assert_judged_well(&self) {
-        assert_eq!(self.count(&self.a, "compare", "violations.out"), Some(0));
+        assert_eq!(self.a.value("compare", "violations.out"), 0);
         let backwards = await_some("a value of the belt in B", || {
-            self.count(&self.b, "follow", "backwards.out")
+            self.b.value("follow", "backwards.out").as_i64()
         });
         assert_eq!(backwards, 0);
     }
@@ -216,8 +204,8 @@ impl Line {
         let goal = self.joint_of_a() + SPEED * seconds;
         self.await_rest(&self.b);
         await_some("null in A", || {
-            let apart = self.value(&self.a, "compare", "apart.out");
-            apart.is_none().then_some(())
+            let apart = self.a.value("compare", "apart.out");
+            apart.is_null().then_some(())
         });
         await_some("the arm of A to go on", || {
             (self.joint_of_a() >= goal).then_some(())
