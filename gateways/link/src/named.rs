@@ -7,13 +7,13 @@ use zenoh::bytes::ZBytes;
 use zenoh::query::Query;
 use zenoh::sample::Sample;
 
-/// Returns true if a message is what it is handed over as.
+/// Returns true if a message arrives under its own key.
 #[must_use]
 pub fn is_named(sample: &Sample) -> bool {
     is_key(sample.key_expr().as_str(), sample.attachment())
 }
 
-/// Returns true if a request is what it is handed over as.
+/// Returns true if a request arrives under its own key.
 #[must_use]
 pub fn is_asked(query: &Query) -> bool {
     is_key(query.key_expr().as_str(), query.attachment())
