@@ -3,7 +3,7 @@
 //!
 //! [`facts`] are read once, [`checks`] are pure functions of them, and [`measure`] is the only part that takes time.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub mod checks;
 pub mod clean;
@@ -19,7 +19,7 @@ pub mod requirements;
 pub mod trial;
 
 /// Severity of a finding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FindingLevel {
     /// As it should be.

@@ -227,8 +227,8 @@ fn subscriptions(cells: usize) -> Result<(Subscriptions, usize), Failure> {
             )?;
             declared += 1;
         }
-        // Requests, status, and the token of the executor.
-        declared += 3;
+        // Requests, status, rights, and the token of the executor.
+        declared += 4;
     }
     for screen in 0..SCREENS.min(cells.div_ceil(CELLS_OF_ROUTER)) {
         all.add(
@@ -262,6 +262,7 @@ fn check_keys(cells: usize) -> Result<usize, Failure> {
         let mut all = vec![
             own.overview(),
             own.status(),
+            own.rights(),
             own.alive("0123456789abcdef"),
             request,
         ];

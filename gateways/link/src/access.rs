@@ -96,6 +96,8 @@ pub fn access_control(role: Role<'_>) -> Option<Value> {
             rules.allow("ingress", None, reads, &CellKeys::of("*/*").all());
             let asked = [
                 CellKeys::of("*/*").status(),
+                // So that one whose request is dropped learns why.
+                CellKeys::of("*/*").rights(),
                 keys.request("*/*", Operation::Cancel, "*"),
                 // Nothing changes by it. The gateway answers who may not deploy; a dropped request would have no words.
                 keys.request("*/*", Operation::Deploy(DeployStep::Check), "*"),
@@ -203,6 +205,7 @@ mod tests {
             keys(&control, ANYONE, "ingress", "query"),
             [
                 "rcc/*/*/status",
+                "rcc/*/*/rights",
                 "rcc/lab/press/request/*/*/cancel/*",
                 "rcc/lab/press/request/*/*/check/*"
             ]

@@ -154,7 +154,8 @@ pub struct StoppedDeployment {
 impl fmt::Display for StoppedDeployment {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(formatter, "stopped: {}", self.refusal)?;
-        if let FleetError::NoAnswer { cell } = &self.refusal.error {
+        if let FleetError::NoAnswer { cell } | FleetError::Silent { cell, .. } = &self.refusal.error
+        {
             writeln!(
                 formatter,
                 "whether {cell} has it is not known: `rcc-cli ls` there says so"

@@ -29,6 +29,9 @@ use inbox::{ChannelState, Inbox};
 mod channels;
 mod inbox;
 
+/// Name of the program.
+pub const DEVICE_PROGRAM: &str = "rcc-link-device";
+
 /// Nothing is connected.
 pub const NO_CONNECTION: u32 = 100;
 /// Connected, but the cell is not there.
@@ -39,6 +42,8 @@ pub const NO_TOPIC: u32 = 102;
 pub const OTHER_KIND: u32 = 103;
 /// Values are too old.
 pub const STALE: u32 = 104;
+/// Connected with TLS, but to none with the certificate of the cell.
+pub const OTHER_NAME: u32 = 105;
 
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
@@ -49,8 +54,7 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         NO_CELL,
-        "connected, but the cell settings.peer is not there: start it and its rcc-link, and compare site and name; with settings.tls, \
-         its certificate must have that name as common name",
+        "connected, but the cell settings.peer is not there: start it and its rcc-link, and compare site and name",
     ),
     (
         NO_TOPIC,
@@ -63,6 +67,10 @@ pub const REASONS: &[Reason] = &[
     (
         STALE,
         "values of the other cell are older than settings.expires: the network is slow or cut, or the other cell is late",
+    ),
+    (
+        OTHER_NAME,
+        "connected, but to nobody with the certificate of settings.peer, so all that arrives is dropped: `rcc-cli doctor device` shows the names",
     ),
 ];
 
@@ -97,6 +105,9 @@ struct SharedLink {
     alive: Arc<AtomicUsize>,
     /// Connections, as of the last look. No other memory depends on it.
     connections: AtomicUsize,
+    /// With TLS, those with the certificate of the other cell, as of the last look. No other memory depends on it.
+    named: AtomicUsize,
+    has_tls: bool,
 }
 
 impl Driver for LinkDevice {
@@ -166,15 +177,22 @@ impl Driver for LinkDevice {
         let expires_ns = u64::try_from(expires.as_nanos()).unwrap_or(u64::MAX);
         let endpoints = (listen.as_slice(), connect.as_slice(), router.as_slice());
         let opened = SharedLink::open(endpoints, tls.as_ref(), peer, &inbox, expires_ns);
-        let shared = opened.map_err(|error| DriverError::System {
-            device: device.name.clone(),
-            key: if listen.is_empty() {
-                "connect"
-            } else {
-                "listen"
+        let shared = opened.map_err(|error| match error {
+            SessionError::Certificate(error) => DriverError::Setting {
+                device: device.name.clone(),
+                key: "tls".to_owned(),
+                cause: error.to_string(),
+                expected: "authority, certificate and key of this cell",
             },
-            value: format!("{listen:?} {connect:?}"),
-            source: std::io::Error::other(error),
+            error => DriverError::System {
+                device: device.name.clone(),
+                key: match listen.as_slice() {
+                    [] => "connect",
+                    _ => "listen",
+                },
+                value: format!("{listen:?} {connect:?}"),
+                source: std::io::Error::other(error),
+            },
         })?;
         Ok(LinkDevice {
             timer: PeriodTimer::new(period),
@@ -223,7 +241,7 @@ impl Driver for LinkDevice {
 }
 
 /// Reads the files of mutual TLS: absolute paths, and no other keys.
-fn tls(value: &Value) -> Option<TlsFiles> {
+pub(crate) fn tls(value: &Value) -> Option<TlsFiles> {
     let fields = value.as_object()?;
     let path = |key| {
         let path = PathBuf::from(fields.get(key)?.as_str()?);
@@ -238,7 +256,7 @@ fn tls(value: &Value) -> Option<TlsFiles> {
 }
 
 /// Reads a list of endpoints.
-fn endpoints(value: &Value) -> Option<Vec<String>> {
+pub(crate) fn endpoints(value: &Value) -> Option<Vec<String>> {
     let list = value.as_array()?.iter();
     list.map(|one| {
         one.as_str()
@@ -263,6 +281,8 @@ impl SharedLink {
             expires_ns,
             alive: Arc::new(AtomicUsize::new(0)),
             connections: AtomicUsize::new(0),
+            named: AtomicUsize::new(0),
+            has_tls: tls.is_some(),
         });
         if router.is_empty() {
             let role = Role::Device { peer: &shared.peer };
@@ -324,6 +344,7 @@ impl SharedLink {
             ChannelState::Fresh => 0,
             ChannelState::OtherKind => OTHER_KIND,
             _ if self.connections.load(Ordering::Relaxed) == 0 => NO_CONNECTION,
+            _ if self.has_tls && self.named.load(Ordering::Relaxed) == 0 => OTHER_NAME,
             _ if self.alive.load(Ordering::Relaxed) == 0 => NO_CELL,
             ChannelState::Never => NO_TOPIC,
             ChannelState::Stale => STALE,
@@ -333,12 +354,17 @@ impl SharedLink {
 
 impl LinkDiagnosis for SharedLink {
     fn link(&self) -> Value {
-        let connections = self.session.get().map_or(0, session::connections);
+        let session = self.session.get();
+        let names = session.map_or_else(Vec::new, session::neighbours);
+        let named = names.iter().filter(|name| **name == self.peer).count();
+        self.named.store(named, Ordering::Relaxed);
+        let connections = session.map_or(0, session::connections);
         self.connections.store(connections, Ordering::Relaxed);
         let now_ns = self.inbox.now_ns();
         json!({
             "peer": self.peer,
             "connections": connections,
+            "names": names,
             "peer_is_alive": self.alive.load(Ordering::Relaxed) > 0,
             "expires_ms": self.expires_ns as f64 * 1e-6,
             "channels": self.inbox.describe(now_ns, self.expires_ns),

@@ -16,6 +16,7 @@ use crate::access::Role;
 use crate::keys::{CellKeys, DeployStep, Operation};
 use crate::named::is_named;
 use crate::overview::CellOverview;
+use crate::rights::CellRights;
 use crate::screen::FleetNews;
 use crate::session::{self, Identity, SessionError};
 
@@ -58,6 +59,17 @@ pub enum FleetError {
     NoAnswer {
         /// `SITE/CELL`.
         cell: String,
+    },
+    /// The other cell does not answer, although it would allow what is asked.
+    #[error(
+        "{cell} does not answer, although it allows this to `{peer}`: with TLS it drops what comes with another certificate, or through a \
+         router; otherwise it is slow, and whether it was done is not known"
+    )]
+    Silent {
+        /// `SITE/CELL`.
+        cell: String,
+        /// The peer as which it was asked.
+        peer: String,
     },
     /// The other cell refuses.
     #[error("{cell}: {words}")]
@@ -157,6 +169,29 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
         }
     }
     Ok(found)
+}
+
+/// Asks a cell, or all of a pattern, what their peers may do, by `SITE/CELL`.
+///
+/// # Errors
+/// Fails if the network refuses the request.
+pub fn rights(session: &Session, cell: &str) -> Result<BTreeMap<String, CellRights>, FleetError> {
+    let key = CellKeys::of(cell).rights();
+    let answers = session
+        .get(&key)
+        .attachment(&key)
+        .timeout(ANSWER_MAX)
+        .consolidation(ConsolidationMode::None);
+    let answers = answers.wait().map_err(not_asked)?;
+    let named = answers.iter().filter_map(|reply| {
+        let sample = reply.result().ok().filter(|sample| is_named(sample))?;
+        let cell = cell_of(sample.key_expr().as_str())?;
+        Some((
+            cell,
+            serde_json::from_slice(&sample.payload().to_bytes()).ok()?,
+        ))
+    });
+    Ok(named.collect())
 }
 
 /// A message of a cell.
@@ -302,12 +337,29 @@ impl CellRequest<'_> {
         })
     }
 
-    /// Sends the request and returns the answer of the cell.
+    /// Sends the request and returns the answer of the cell. If there is none, the cell is asked whether it would have allowed it.
     ///
     /// # Errors
     /// Fails if the cell refuses, or does not answer.
     pub fn ask(&self, session: &Session) -> Result<Value, FleetError> {
-        self.send(session)?.answer()
+        match self.send(session)?.answer() {
+            Err(FleetError::NoAnswer { cell }) => Err(self.unanswered(session, cell)),
+            answer => answer,
+        }
+    }
+
+    fn unanswered(&self, session: &Session, cell: String) -> FleetError {
+        let rights = rights(session, self.cell).unwrap_or_default();
+        let Some(rights) = rights.get(self.cell) else {
+            return FleetError::NoAnswer { cell };
+        };
+        match rights.refusal(self.peer, self.operation, self.net) {
+            Some(words) => FleetError::Refused { cell, words },
+            None => FleetError::Silent {
+                cell,
+                peer: self.peer.to_owned(),
+            },
+        }
     }
 }
 

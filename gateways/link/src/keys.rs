@@ -109,6 +109,12 @@ impl CellKeys {
         format!("{}/status", self.base)
     }
 
+    /// Returns the key of what the cell lets its peers do, which is asked for.
+    #[must_use]
+    pub fn rights(&self) -> String {
+        format!("{}/rights", self.base)
+    }
+
     /// Returns the key of the overview, which is published once a second.
     #[must_use]
     pub fn overview(&self) -> String {

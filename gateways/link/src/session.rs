@@ -1,13 +1,15 @@
 //! Opens the Zenoh session of a process: explicit endpoints, no multicast, and a lease that is short enough to connect again
 //! soon after a cut; mutual TLS and access control if there are certificates. Zenoh's own threads run it.
 
+use std::collections::BTreeSet;
+
 use rcc_config::link::{TlsFiles, is_cell_key, is_tls};
 use rcc_process::helpers;
 use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
 use crate::access::{Role, access_control};
-use crate::certificate::{self, CertificateError};
+use crate::certificate::{CertificateError, OwnCertificate};
 
 /// Time without a sign of life after which a connection is closed, ms. A shorter one would close connections of a machine
 /// that is merely busy.
@@ -63,6 +65,16 @@ pub fn connections(session: &Session) -> usize {
     info.peers_zid().wait().count() + info.routers_zid().wait().count()
 }
 
+/// Returns the common names of the certificates that the other ends of a session's connections have shown.
+#[must_use]
+pub fn neighbours(session: &Session) -> Vec<String> {
+    let links = session.info().links().wait();
+    let names: BTreeSet<String> = links
+        .filter_map(|link| link.auth_identifier().map(str::to_owned))
+        .collect();
+    names.into_iter().collect()
+}
+
 /// Opens a session that listens at and connects to these endpoints, and connects again for ever; with an identity by mutual
 /// TLS and with access control.
 ///
@@ -105,9 +117,10 @@ pub fn route(
     files: Option<&TlsFiles>,
 ) -> Result<Session, SessionError> {
     if let Some(files) = files {
-        let name = certificate::own_name(files)?;
-        if is_cell_key(&name) {
-            return Err(SessionError::RouterName(name));
+        let certificate = OwnCertificate::read(files)?;
+        let name = certificate.name()?;
+        if is_cell_key(name) {
+            return Err(SessionError::RouterName(name.to_owned()));
         }
     }
     let role = Role::Operator;
@@ -132,11 +145,10 @@ fn configured(
     }
     let mut config = Config::default();
     if let Some(identity) = identity {
-        let cell = match identity.role {
-            Role::Gateway { cell, .. } => Some(cell),
-            Role::Device { .. } | Role::Operator => None,
-        };
-        certificate::check(identity.files, cell)?;
+        let own = OwnCertificate::read(identity.files)?;
+        if let Role::Gateway { cell, .. } = identity.role {
+            own.is_of(cell)?;
+        }
         insert(&mut config, "transport/link/tls", &tls(identity.files))?;
         if let Some(control) = access_control(identity.role) {
             insert(&mut config, "access_control", &control)?;

@@ -1,11 +1,14 @@
 //! Mutual TLS and access control on loopback, with certificates that the test makes. Run by the threads of the test harness.
 
+use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use rcc_config::LinkRights;
 use rcc_config::link::TlsFiles;
+use rcc_config::{CellConfig, LinkRights};
+use rcc_driver_kit::driver::{Driver as _, Inputs, LinkError};
 use rcc_link::access::Role;
+use rcc_link::device::{LinkDevice, NO_CELL, OTHER_NAME};
 use rcc_link::fleet::{self, CellRequest, FleetError};
 use rcc_link::keys::{CellKeys, DeployStep, Operation};
 use rcc_link::session::{self, Identity};
@@ -143,6 +146,35 @@ fn a_net_is_started_with_the_certificate_of_its_peer_only() {
                 .contains("with TLS it drops what its `link: start`"),
             "{refused}"
         );
+    }
+}
+
+/// A device drops all that arrives from elsewhere than its peer, and says so with the names of those it is connected to.
+#[test]
+fn a_device_that_is_connected_to_another_cell_says_so() {
+    let authority = Authority::new();
+    let own = authority.files("lab/feeder");
+    for (name, reason) in [("lab/other", OTHER_NAME), (PEER, NO_CELL)] {
+        let (_session, endpoints) = listening(&authority.files(name), Role::Operator);
+        let [ca, certificate, key] =
+            [&own.authority, &own.certificate, &own.key].map(|path| path.display().to_string());
+        let text = format!(
+            "cell: feeder\nperiod: 1 ms\ndevices:\n  press:\n    driver: {{program: rcc-link-device}}\n    settings: {{peer: {PEER}, connect: \
+             {endpoints:?}, tls: {{authority: {ca}, certificate: {certificate}, key: {key}}}}}\n    channels: {{open: {{kind: digital input, \
+             address: door/open}}}}\n"
+        );
+        let cell = CellConfig::parse_offline(&text, "cell.yaml", Path::new(""));
+        let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
+        let mut device = LinkDevice::open(&cell.devices[0]).expect("a device");
+        let diagnosis = device.diagnosis().expect("a diagnosis");
+        let until = Instant::now() + LIMIT;
+        while diagnosis.link()["names"] != serde_json::json!([name]) {
+            assert!(Instant::now() < until, "{}", diagnosis.link());
+            std::thread::yield_now();
+        }
+        let lost = device.receive(Duration::from_secs(1), &mut Inputs::NONE.clone());
+        let is_named = matches!(lost, Err(LinkError::Lost { reason: told }) if told == reason);
+        assert!(is_named, "{name}: {lost:?}");
     }
 }
 

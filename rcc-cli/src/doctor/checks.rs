@@ -8,6 +8,7 @@ mod cells;
 mod cpu;
 mod kernel;
 mod latency;
+mod link;
 mod memory;
 mod real_time;
 
@@ -36,6 +37,7 @@ pub const CHECKS: &[(&str, CheckFunction)] = &[
     ("swap", memory::swap),
     ("cells", cells::cells),
     ("leftovers", cells::leftovers),
+    ("link", link::link),
 ];
 
 /// Runs all checks, in the order of the table.

@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use super::HealthFinding;
 use super::measure::WakeUpMeasurement;
 use super::requirements::MachineRequirements;
 use super::trial::Trial;
@@ -11,6 +12,7 @@ pub mod cells;
 pub mod cpu;
 pub mod kernel;
 pub mod limits;
+pub mod link;
 pub mod login;
 pub mod memory;
 pub mod system;
@@ -44,6 +46,10 @@ pub struct MachineFacts {
     pub cells: Vec<cells::CellFacts>,
     /// Shared memory of cells in other folders.
     pub strays: Vec<cells::StrayMemory>,
+    /// Findings about the cell's link to others.
+    pub link: Vec<HealthFinding>,
+    /// Reason why it could not be verified.
+    pub not_verified: Option<String>,
     /// Measured wake-up latency.
     pub measured: Option<WakeUpMeasurement>,
     /// Reason why it could not be measured.

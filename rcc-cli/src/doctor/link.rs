@@ -10,6 +10,7 @@ pub mod ethercat;
 pub mod fri;
 pub mod gather;
 pub mod iiwa;
+pub mod peer;
 pub mod plain;
 pub mod sockets;
 
@@ -110,10 +111,13 @@ impl LinkReport {
     /// Runs the stages for the driver.
     #[must_use]
     pub fn of(facts: &LinkFacts) -> LinkReport {
-        let stages: &[LinkStage] = match facts.driver.as_str() {
+        // A driver of its own is named by its program, with or without a folder.
+        let name = facts.driver.rsplit('/').next().unwrap_or_default();
+        let stages: &[LinkStage] = match name {
             "ethercat" => ethercat::STAGES,
             "fri-lwr" => fri::STAGES,
             "fri-iiwa" => iiwa::STAGES,
+            peer::PROGRAM => peer::STAGES,
             _ => plain::STAGES,
         };
         let mut findings = Vec::new();

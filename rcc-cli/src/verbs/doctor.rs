@@ -70,7 +70,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         .map_or_else(MachineRequirements::default, |selected| {
             MachineRequirements::of(&selected.config)
         });
-    let facts = collect_facts(context, requirements, arguments.measure);
+    let mut facts = collect_facts(context, requirements, arguments.measure);
+    let link = selected.map(|selected| facts::link::read(&selected.config, &selected.path));
+    match link.unwrap_or_else(|| Ok(Vec::new())) {
+        Ok(findings) => facts.link = findings,
+        Err(reason) => facts.not_verified = Some(reason),
+    }
     let mut report = DoctorReport::of(&facts);
     if let Some(measured) = &facts.measured {
         match GradeRecord::of(measured).store() {

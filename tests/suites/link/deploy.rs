@@ -4,7 +4,7 @@ use std::fs;
 
 use rcc_tests::cell_fixture::await_told;
 
-use super::fleet::{Arm, Fleet, OFFICE, VISITOR, path};
+use super::fleet::{Arm, Fleet, OFFICE, SITES, VISITOR, path};
 
 /// A net of the arm `lwr`, which stays where it is.
 const HOLD: &str = "net: hold
@@ -46,6 +46,13 @@ fn a_net_that_one_cell_of_three_refuses_changes_nothing_anywhere() {
     let words = "lab/visitor must not deploy here: the cell's configuration allows it by `link: {deploy: [lab/visitor]}`";
     assert!(told.contains(words), "{told}");
     assert_eq!(fleet.nets(), ["", "", ""]);
+    let (told, done) = fleet.link(VISITOR, &["rights"]);
+    let all = SITES.map(|site| format!("{site}/test  lab/office may deploy and configure\n"));
+    assert!(done && told.starts_with(&all.concat()), "{told}");
+    // The configuration that does all this is one that `doctor` finds no fault with.
+    let doctor = fleet.cells[0].cli_exits(0, &["doctor", "--measure", "0", "--output", "json"]);
+    let words = "link: lab/office may deploy and configure (by its certificate)";
+    assert!(doctor.0.contains(words), "{}", doctor.0);
     // A cell that is not there.
     fleet.kill_gateway(1);
     await_told("a cell that is missing to be told", || {
@@ -78,8 +85,10 @@ fn a_cell_that_fails_in_the_middle_stops_the_deployment_and_the_way_back_works()
     // Nothing is left of the rejected one, and nothing runs.
     assert_eq!(fleet.nets(), ["hold ready", "", ""]);
     let back = ["withdraw", "lab-a/test/hold#1"];
+    // Access control drops it in silence, and the cell says why when asked.
     let (told, done) = fleet.link(VISITOR, &back);
-    assert!(!done && told.contains("does not answer"), "{told}");
+    let words = "lab/visitor must not deploy here: the cell's configuration allows it by `link: {deploy: [lab/visitor]}`";
+    assert!(!done && told.contains(words), "{told}");
     let (told, done) = fleet.link(OFFICE, &back);
     assert!(done, "{told}");
     assert_eq!(fleet.nets(), ["", "", ""]);

@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-use rcc_link::device::{LinkDevice, REASONS};
+use rcc_link::device::{DEVICE_PROGRAM, LinkDevice, REASONS};
 
 fn main() -> ExitCode {
-    rcc_driver_kit::program::<LinkDevice>("rcc-link-device", REASONS)
+    rcc_driver_kit::program::<LinkDevice>(DEVICE_PROGRAM, REASONS)
 }

@@ -6,7 +6,6 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 use rcc_api::bodies::{Done, StatusView};
 use rcc_client::{LoaderClient, segment};
-use rcc_config::LinkRights;
 use rcc_process::helpers;
 use serde_json::{Value, json};
 use zenoh::query::{Query, Queryable};
@@ -16,6 +15,7 @@ use super::deployment::Deployment;
 use super::{GatewayError, GatewayOptions, loader};
 use crate::keys::{CellKeys, Operation, RequestKey};
 use crate::named::is_asked;
+use crate::rights::CellRights;
 use crate::session::SessionError;
 
 /// Requests that wait; more are refused.
@@ -27,6 +27,7 @@ const TEXTS_MAX: usize = 4;
 pub(super) struct Requests {
     _operations: Queryable<()>,
     _status: Queryable<()>,
+    _rights: Queryable<()>,
 }
 
 /// What a peer asks the first thread for.
@@ -62,9 +63,13 @@ impl Requests {
         let operations = operations.wait().map_err(declared)?;
         let status = session.declare_queryable(keys.status());
         let status = status.callback(move |query| pass(&asked, Asked::Status, query));
+        let rights = CellRights::from(&options.link);
+        let (rights_key, told) = (keys.rights(), json!(rights));
+        let of_rights = session.declare_queryable(rights_key.clone());
+        let of_rights = of_rights.callback(move |query| reply(&query, &rights_key, &told));
         let worker = Worker {
             loader: loader(&options.cell)?,
-            rights: options.link.rights.clone(),
+            rights,
             status_key: keys.status(),
         };
         helpers::thread("requests", move || worker.run(&waiting))?;
@@ -77,6 +82,7 @@ impl Requests {
         Ok(Requests {
             _operations: operations,
             _status: status.wait().map_err(declared)?,
+            _rights: of_rights.wait().map_err(declared)?,
         })
     }
 }
@@ -97,7 +103,7 @@ fn refuse(query: &Query, words: &str) {
 
 struct Worker {
     loader: LoaderClient,
-    rights: LinkRights,
+    rights: CellRights,
     /// Under it the status is answered; a query may ask for the status of all cells.
     status_key: String,
 }
@@ -118,13 +124,11 @@ impl Worker {
 
     fn start(&self, key: &RequestKey) -> Result<Value, String> {
         let RequestKey { peer, net, .. } = key;
-        if self.rights.may_start(peer, net) {
+        let Some(words) = self.rights.refusal(peer, Operation::Start, net) else {
             return self.operate(key);
-        }
+        };
         tracing::warn!(peer, net, "START is refused: not in `link: start`");
-        Err(format!(
-            "{peer} must not start `{net}`: the cell's configuration allows it by `link: {{start: {{{peer}: [{net}]}}}}`"
-        ))
+        Err(words)
     }
 
     fn operate(&self, key: &RequestKey) -> Result<Value, String> {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::SystemTime;
 
 use clap::{Args, Parser, Subcommand};
 use rcc_config::CellConfig;
@@ -15,11 +16,13 @@ use rcc_config::link::is_cell_key;
 use rcc_core::printable::Printable;
 use rcc_link::certificate::CertificateError;
 use rcc_link::deploy::DeployError;
+use rcc_link::doctor::{self, FindingLevel, LinkFinding};
 use rcc_link::fleet::{self, CellMessage, CellRequest, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
 use rcc_link::keys::{CellKeys, Operation, is_topic};
 use rcc_process::Stop;
 use rcc_process::oom::{SCORE_OBSERVER, raise_score};
+use serde_json::json;
 
 use reach::Reach;
 
@@ -91,6 +94,24 @@ enum LinkCommand {
     Start(Ask),
     /// Cancel a net of another cell
     Cancel(Ask),
+    /// List what cells let their peers do, besides reading and CANCEL
+    Rights {
+        #[command(flatten)]
+        reach: Reach,
+        /// Only those of this site
+        #[arg(long, default_value = "*")]
+        site: String,
+    },
+    /// Verify the link of a cell and its link devices: certificates, names, addresses, and who answers at each endpoint. Nothing
+    /// is changed; fails if something cannot work
+    Doctor {
+        /// Configuration of the cell; the cell need not run
+        #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
+        config: PathBuf,
+        /// Print the findings as JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Give nets and configuration files to cells: every cell checks them, and only if all would take them, each gets them in
     /// turn. Nothing is started; a configuration holds from the cell's next start
     Deploy(deployment::Deploy),
@@ -165,6 +186,10 @@ enum LinkError {
     Deploy(#[from] DeployError),
     #[error("{0} of the nets are still there")]
     NotWithdrawn(usize),
+    #[error("{0} has neither `link:` nor a device of rcc-link-device: there is nothing to verify")]
+    NothingToVerify(String),
+    #[error("the link does not work as it is written: {0} to mend")]
+    Faults(usize),
 }
 
 fn main() -> ExitCode {
@@ -209,6 +234,16 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
         }
         LinkCommand::Start(ask) => operate(&ask, Operation::Start),
         LinkCommand::Cancel(ask) => operate(&ask, Operation::Cancel),
+        LinkCommand::Rights { reach, site } => {
+            let all = format!("{site}/*");
+            for (cell, rights) in fleet::rights(&reach.session()?, &all)? {
+                for line in rights.lines() {
+                    rcc_process::say(&format!("{cell}  {line}"));
+                }
+            }
+            Ok(())
+        }
+        LinkCommand::Doctor { config, json } => doctor(&config, json),
         LinkCommand::Deploy(deploy) => deployment::give(&deploy),
         LinkCommand::Withdraw { reach, nets } => deployment::withdraw(&reach, &nets),
     }
@@ -225,6 +260,36 @@ fn stop_at(signals: Stop) -> std::io::Result<Arc<AtomicBool>> {
         told.store(true, Ordering::Release);
     })?;
     Ok(stop)
+}
+
+fn doctor(file: &Path, as_json: bool) -> Result<(), LinkError> {
+    let config = CellConfig::load_offline(file).map_err(LinkError::Config)?;
+    let findings = doctor::verify(&config, now_s());
+    if findings.is_empty() {
+        return Err(LinkError::NothingToVerify(file.display().to_string()));
+    }
+    match as_json {
+        true => rcc_process::say(&json!(findings).to_string()),
+        false => {
+            for finding in &findings {
+                let LinkFinding { level, of, what } = finding;
+                rcc_process::say(&format!("{}  {of}: {what}", level.word()));
+            }
+        }
+    }
+    let failed = findings.iter().filter(|it| it.level == FindingLevel::Fail);
+    match failed.count() {
+        0 => Ok(()),
+        count => Err(LinkError::Faults(count)),
+    }
+}
+
+/// Time, seconds since 1970.
+fn now_s() -> i64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0, |since| {
+        i64::try_from(since.as_secs()).unwrap_or(i64::MAX)
+    })
 }
 
 fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {

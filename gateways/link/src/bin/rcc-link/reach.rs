@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rcc_config::link::{TlsFiles, is_cell_key, is_endpoint};
-use rcc_link::certificate;
+use rcc_link::certificate::OwnCertificate;
 use rcc_link::fleet::{self, FleetError};
 
 use crate::LinkError;
@@ -49,11 +49,12 @@ impl Reach {
     /// Connects as the peer that the certificate names.
     pub fn as_peer(&self) -> Result<(zenoh::Session, String), LinkError> {
         let files = self.tls.files().ok_or(LinkError::NoCertificate)?;
-        let peer = certificate::own_name(&files)?;
-        if !is_cell_key(&peer) {
-            return Err(LinkError::NoPeer(peer));
+        let own = OwnCertificate::read(&files)?;
+        let peer = own.name()?;
+        if !is_cell_key(peer) {
+            return Err(LinkError::NoPeer(peer.to_owned()));
         }
-        Ok((self.session()?, peer))
+        Ok((self.session()?, peer.to_owned()))
     }
 }
 
