@@ -6,6 +6,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use rcc_config::link::TlsFiles;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::query::{ConsolidationMode, Reply};
@@ -154,21 +155,27 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
             found.entry(cell).or_default().is_alive = true;
         }
     }
-    let answers = session
-        .get(all.status())
-        .attachment(all.status())
-        .timeout(ANSWER_MAX)
-        .consolidation(ConsolidationMode::None);
-    for reply in answers.wait().map_err(not_asked)? {
-        let Some(sample) = reply.result().ok().filter(|sample| is_named(sample)) else {
-            continue;
-        };
-        let status = serde_json::from_slice(&sample.payload().to_bytes()).ok();
-        if let Some(cell) = cell_of(sample.key_expr().as_str()) {
-            found.entry(cell).or_default().status = status;
-        }
+    for (cell, status) in answers(session, &all.status())? {
+        found.entry(cell).or_default().status = Some(status);
     }
     Ok(found)
+}
+
+/// Returns the answers of all cells to a key that is asked for, by `SITE/CELL`.
+fn answers<T: DeserializeOwned>(
+    session: &Session,
+    key: &str,
+) -> Result<BTreeMap<String, T>, FleetError> {
+    let get = session.get(key).attachment(key).timeout(ANSWER_MAX);
+    let replies = get.consolidation(ConsolidationMode::None).wait();
+    let replies = replies.map_err(not_asked)?;
+    let answers = replies.iter().filter_map(|reply| {
+        let sample = reply.result().ok().filter(|sample| is_named(sample))?;
+        let cell = cell_of(sample.key_expr().as_str())?;
+        let body = serde_json::from_slice(&sample.payload().to_bytes()).ok()?;
+        Some((cell, body))
+    });
+    Ok(answers.collect())
 }
 
 /// Asks a cell, or all of a pattern, what their peers may do, by `SITE/CELL`.
@@ -176,22 +183,7 @@ pub fn cells(session: &Session, site: &str) -> Result<BTreeMap<String, FoundCell
 /// # Errors
 /// Fails if the network refuses the request.
 pub fn rights(session: &Session, cell: &str) -> Result<BTreeMap<String, CellRights>, FleetError> {
-    let key = CellKeys::of(cell).rights();
-    let answers = session
-        .get(&key)
-        .attachment(&key)
-        .timeout(ANSWER_MAX)
-        .consolidation(ConsolidationMode::None);
-    let answers = answers.wait().map_err(not_asked)?;
-    let named = answers.iter().filter_map(|reply| {
-        let sample = reply.result().ok().filter(|sample| is_named(sample))?;
-        let cell = cell_of(sample.key_expr().as_str())?;
-        Some((
-            cell,
-            serde_json::from_slice(&sample.payload().to_bytes()).ok()?,
-        ))
-    });
-    Ok(named.collect())
+    answers(session, &CellKeys::of(cell).rights())
 }
 
 /// A message of a cell.
