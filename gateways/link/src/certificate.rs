@@ -1,24 +1,30 @@
 //! Checks the files of mutual TLS before a session uses them, as the other side of a connection will, so that an error names
 //! the file and what to do. Reads files.
 
-use std::fs::File;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::{fs, io};
 
 use rcc_config::link::TlsFiles;
-use rustls::client::WebPkiServerVerifier;
 use rustls::client::danger::ServerCertVerifier as _;
+use rustls::client::{ResolvesClientCert, WebPkiServerVerifier};
 use rustls::crypto::{CryptoProvider, ring};
 use rustls::pki_types::pem::PemObject as _;
-use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName, UnixTime, pem};
+use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName, UnixTime};
 use rustls::server::WebPkiClientVerifier;
 use rustls::sign::CertifiedKey;
-use rustls::{ClientConfig, RootCertStore};
+use rustls::version::TLS13;
+use rustls::{ClientConfig, RootCertStore, SignatureScheme};
 use x509_parser::prelude::{FromDer as _, X509Certificate};
 
 /// Bits of a file's mode that others than its owner and group have.
 const OTHERS: u32 = 0o007;
+/// Longest file that is read, bytes.
+const BYTES_MAX: u64 = 1 << 20;
+/// Characters of a cause.
+const CAUSE_MAX: usize = 200;
 
 /// Why a certificate or key cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -55,19 +61,29 @@ pub enum CertificateError {
         /// File of the authority.
         authority: String,
         /// Why.
-        cause: rustls::Error,
+        cause: String,
     },
-    /// A private key cannot be used.
-    #[error(
-        "{file} is not the key of {certificate} ({cause}): give the two that were made together"
-    )]
-    Key {
+    /// A private key belongs to another certificate.
+    #[error("{file} is not the key of {certificate}: give the two that were made together")]
+    OtherKey {
         /// The file.
         file: String,
         /// File of the certificate.
         certificate: String,
-        /// Why.
-        cause: String,
+    },
+    /// A private key is of a kind that TLS does not take.
+    #[error(
+        "{file} is a key of a kind that is not supported: make one of P-256, P-384, Ed25519 or RSA from 2048 bits"
+    )]
+    KeyKind {
+        /// The file.
+        file: String,
+    },
+    /// A file holds several private keys.
+    #[error("{file} holds several private keys: leave the one of the certificate")]
+    KeyCount {
+        /// The file.
+        file: String,
     },
     /// A certificate has no common name.
     #[error("{file} has no common name: write SITE/CELL, such as lab/press, as its subject's CN")]
@@ -76,13 +92,15 @@ pub enum CertificateError {
         file: String,
     },
     /// A file holds no private key.
-    #[error("{file} is no private key: a PEM file with `BEGIN PRIVATE KEY` is expected")]
+    #[error(
+        "{file} is no private key: a PEM file with `BEGIN PRIVATE KEY` is expected, not encrypted"
+    )]
     NoKey {
         /// The file.
         file: String,
     },
     /// Everybody on the machine can read a private key.
-    #[error("{file} can be read by everybody: `chmod 640 {file}`")]
+    #[error("{file} is open to everybody: `chmod 640 {file}`")]
     Open {
         /// The file.
         file: String,
@@ -101,7 +119,16 @@ pub enum CertificateError {
     },
 }
 
-/// The own certificate, which the other side will accept.
+/// End of a certificate's validity.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CertificateEnd {
+    /// Seconds since 1970.
+    pub at_s: i64,
+    /// In words.
+    pub words: String,
+}
+
+/// The own certificate, its key, and the authority.
 #[derive(Clone, Debug)]
 pub struct OwnCertificate {
     /// File of the certificate.
@@ -110,17 +137,17 @@ pub struct OwnCertificate {
     pub authority_file: String,
     /// Common name, if it has one.
     pub name: Option<String>,
-    /// End of its validity, seconds since 1970.
-    pub not_after_s: i64,
-    /// The end of its validity in words.
-    pub until: String,
+    /// When the first certificate of its file ends, and every connection with it.
+    pub end: CertificateEnd,
+    /// When the first certificate of the authority's file ends.
+    pub authority_end: CertificateEnd,
     chain: Vec<CertificateDer<'static>>,
     key: Arc<PrivateKeyDer<'static>>,
     authority: Arc<RootCertStore>,
 }
 
 impl OwnCertificate {
-    /// Reads and checks all files.
+    /// Reads all files; checks that the certificate is valid now, and that the key is its own.
     ///
     /// # Errors
     /// Fails for the first file that cannot be used.
@@ -128,43 +155,40 @@ impl OwnCertificate {
         let [authority_file, file, key_file] = [&files.authority, &files.certificate, &files.key]
             .map(|path| path.display().to_string());
         let authorities = certificates(&files.authority)?;
-        valid(&authorities[0], &authority_file)?;
         let chain = certificates(&files.certificate)?;
-        let own = valid(&chain[0], &file)?;
+        // A connection ends with the first of them.
+        for certificate in &chain {
+            valid_now(certificate, &file)?;
+        }
         let key = private_key(&files.key)?;
-        let refused = |cause| CertificateError::Refused {
-            file: file.clone(),
-            authority: authority_file.clone(),
-            cause,
-        };
+        let authority_end = first_end(&authorities, &authority_file)?;
         let mut authority = RootCertStore::empty();
         for certificate in authorities {
-            authority.add(certificate).map_err(refused)?;
+            authority
+                .add(certificate)
+                .map_err(|_| CertificateError::Form {
+                    file: authority_file.clone(),
+                })?;
         }
-        let authority = Arc::new(authority);
-        let verifier =
-            WebPkiClientVerifier::builder_with_provider(Arc::clone(&authority), provider())
-                .build()
-                .map_err(|cause| refused(rustls::Error::General(cause.to_string())))?;
-        verifier
-            .verify_client_cert(&chain[0], &chain[1..], UnixTime::now())
-            .map_err(refused)?;
         CertifiedKey::from_der(chain.clone(), key.clone_key(), &provider()).map_err(|cause| {
-            CertificateError::Key {
-                file: key_file,
-                certificate: file.clone(),
-                cause: cause.to_string(),
+            let certificate = file.clone();
+            match cause {
+                rustls::Error::InconsistentKeys(_) => CertificateError::OtherKey {
+                    file: key_file,
+                    certificate,
+                },
+                _ => CertificateError::KeyKind { file: key_file },
             }
         })?;
         Ok(OwnCertificate {
             name: common_name(&chain[0]),
+            end: first_end(&chain, &file)?,
+            authority_end,
             file,
             authority_file,
-            not_after_s: own.not_after_s,
-            until: own.until,
             chain,
             key: Arc::new(key),
-            authority,
+            authority: Arc::new(authority),
         })
     }
 
@@ -195,33 +219,114 @@ impl OwnCertificate {
         }
     }
 
-    /// Checks that one who connects to this address, a number or a name, accepts the certificate there.
+    /// Checks that those accept it whom this process connects to.
     ///
     /// # Errors
-    /// Fails with the reason why not.
+    /// Fails if they refuse it.
+    pub fn connects(&self) -> Result<(), CertificateError> {
+        let authority = Arc::clone(&self.authority);
+        let [own, others] = [&self.chain[..1], &self.chain[1..]];
+        let verifier = WebPkiClientVerifier::builder_with_provider(authority, provider()).build();
+        let verified = verifier
+            .map_err(|error| rustls::Error::General(error.to_string()))
+            .and_then(|it| it.verify_client_cert(&own[0], others, UnixTime::now()));
+        verified.map(drop).map_err(|cause| self.refused(&cause))
+    }
+
+    /// Checks that those accept it who connect to this process, whatever address they use.
+    ///
+    /// # Errors
+    /// Fails if they refuse it.
+    pub fn listens(&self) -> Result<(), CertificateError> {
+        let any = ServerName::IpAddress(std::net::Ipv4Addr::UNSPECIFIED.into());
+        match self.verified_at(&any) {
+            Ok(()) => Ok(()),
+            Err(error) if is_about_address(&error) => Ok(()),
+            Err(cause) => Err(self.refused(&cause)),
+        }
+    }
+
+    /// Checks that it is for this address, a number or a name, at which others connect.
+    ///
+    /// # Errors
+    /// Fails with the words for `subjectAltName` that are missing.
     pub fn is_at(&self, host: &str) -> Result<(), String> {
         let name = server_name(host)?;
+        match self.verified_at(&name) {
+            Err(error) if is_about_address(&error) => Err(match name {
+                ServerName::IpAddress(_) => format!("IP:{host}"),
+                _ => format!("DNS:{host}"),
+            }),
+            // All else is told by `listens`.
+            _ => Ok(()),
+        }
+    }
+
+    fn verified_at(&self, name: &ServerName<'_>) -> Result<(), rustls::Error> {
         let authority = Arc::clone(&self.authority);
         let verifier = WebPkiServerVerifier::builder_with_provider(authority, provider())
             .build()
-            .map_err(|error| error.to_string())?;
+            .map_err(|error| rustls::Error::General(error.to_string()))?;
         let [own, others] = [&self.chain[..1], &self.chain[1..]];
-        verifier
-            .verify_server_cert(&own[0], others, &name, &[], UnixTime::now())
-            .map(drop)
-            .map_err(|error| error.to_string())
+        let verified = verifier.verify_server_cert(&own[0], others, name, &[], UnixTime::now());
+        verified.map(drop)
     }
 
-    /// Returns the settings of one who connects with this certificate.
+    fn refused(&self, cause: &rustls::Error) -> CertificateError {
+        let mut cause = cause.to_string();
+        if let Some((at, _)) = cause.char_indices().nth(CAUSE_MAX) {
+            cause.truncate(at);
+            cause.push('…');
+        }
+        CertificateError::Refused {
+            file: self.file.clone(),
+            authority: self.authority_file.clone(),
+            cause,
+        }
+    }
+
+    /// Returns the settings of one who connects with this certificate, of the version of TLS that Zenoh has; `asked` becomes true
+    /// when the other side asks for it.
     ///
     /// # Errors
     /// Fails if TLS cannot use it.
-    pub fn client(&self) -> Result<ClientConfig, rustls::Error> {
-        ClientConfig::builder_with_provider(provider())
-            .with_safe_default_protocol_versions()?
+    pub fn client(&self, asked: Arc<AtomicBool>) -> Result<ClientConfig, rustls::Error> {
+        let key = CertifiedKey::from_der(self.chain.clone(), self.key.clone_key(), &provider())?;
+        let key = Arc::new(key);
+        Ok(ClientConfig::builder_with_provider(provider())
+            .with_protocol_versions(&[&TLS13])?
             .with_root_certificates(Arc::clone(&self.authority))
-            .with_client_auth_cert(self.chain.clone(), self.key.clone_key())
+            .with_client_cert_resolver(Arc::new(OwnResolver { key, asked })))
     }
+}
+
+/// Shows the own certificate, and remembers that it was asked for.
+#[derive(Debug)]
+struct OwnResolver {
+    key: Arc<CertifiedKey>,
+    asked: Arc<AtomicBool>,
+}
+
+impl ResolvesClientCert for OwnResolver {
+    fn resolve(&self, _: &[&[u8]], _: &[SignatureScheme]) -> Option<Arc<CertifiedKey>> {
+        // Read by the same thread.
+        self.asked.store(true, Ordering::Relaxed);
+        Some(Arc::clone(&self.key))
+    }
+
+    fn has_certs(&self) -> bool {
+        true
+    }
+}
+
+fn is_about_address(error: &rustls::Error) -> bool {
+    use rustls::CertificateError as Cause;
+    matches!(
+        error,
+        rustls::Error::InvalidCertificate(
+            Cause::NotValidForName | Cause::NotValidForNameContext { .. }
+        )
+    )
 }
 
 /// Reads the host of an endpoint as certificates name it.
@@ -229,8 +334,8 @@ impl OwnCertificate {
 /// # Errors
 /// Fails if it is neither an address nor a name.
 pub fn server_name(host: &str) -> Result<ServerName<'static>, String> {
-    let bare = host.trim_start_matches('[').trim_end_matches(']');
-    ServerName::try_from(bare.to_owned()).map_err(|error| format!("{host}: {error}"))
+    ServerName::try_from(host.to_owned())
+        .map_err(|_| format!("`{host}` is neither an address nor a name"))
 }
 
 /// Returns the common name of a certificate, if it has one.
@@ -241,54 +346,96 @@ pub fn common_name(certificate: &CertificateDer<'_>) -> Option<String> {
     name.as_str().ok().map(str::to_owned)
 }
 
+/// Returns when the first of these certificates, of one file or connection, ends.
+///
+/// # Errors
+/// Fails if one cannot be read.
+pub fn first_end(
+    certificates: &[CertificateDer<'_>],
+    file: &str,
+) -> Result<CertificateEnd, CertificateError> {
+    let ends = certificates.iter().map(|certificate| {
+        let read = X509Certificate::from_der(certificate);
+        let (_, read) = read.map_err(|_| CertificateError::Form {
+            file: file.to_owned(),
+        })?;
+        let end = read.validity().not_after;
+        Ok(CertificateEnd {
+            at_s: end.timestamp(),
+            words: end.to_string(),
+        })
+    });
+    let ends = ends.collect::<Result<Vec<CertificateEnd>, CertificateError>>()?;
+    ends.into_iter()
+        .min()
+        .ok_or_else(|| CertificateError::Form {
+            file: file.to_owned(),
+        })
+}
+
 /// The cryptography that the link uses.
 fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
-/// Returns the certificates of a file, of which there is at least one.
-fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, CertificateError> {
+/// Returns the text of a regular file of bounded size: no device and no pipe, which may have no end.
+fn text(path: &Path) -> Result<Vec<u8>, CertificateError> {
     let file = path.display().to_string();
-    let read = CertificateDer::pem_file_iter(path).and_then(Iterator::collect::<Result<Vec<_>, _>>);
-    match read {
-        Err(pem::Error::Io(cause)) => Err(CertificateError::Read { file, cause }),
-        Ok(all) if !all.is_empty() => Ok(all),
-        Ok(_) | Err(_) => Err(CertificateError::Form { file }),
-    }
+    let read = fs::metadata(path).and_then(|about| {
+        if !about.is_file() {
+            return Err(io::Error::other("is no regular file"));
+        }
+        if about.len() > BYTES_MAX {
+            return Err(io::Error::other(format!(
+                "has {} bytes, at most {BYTES_MAX} are read",
+                about.len()
+            )));
+        }
+        fs::read(path)
+    });
+    read.map_err(|cause| CertificateError::Read { file, cause })
 }
 
-/// Returns the private key of a file that not everybody can read.
+/// Returns the certificates of a file, of which there is at least one.
+fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, CertificateError> {
+    let text = text(path)?;
+    let read: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&text).collect();
+    let read = read.ok().filter(|all| !all.is_empty());
+    read.ok_or_else(|| CertificateError::Form {
+        file: path.display().to_string(),
+    })
+}
+
+/// Returns the private key of a file that not everybody can use.
 fn private_key(path: &Path) -> Result<PrivateKeyDer<'static>, CertificateError> {
+    let text = text(path)?;
     let file = path.display().to_string();
-    match File::open(path).and_then(|key| key.metadata()) {
+    let about = fs::metadata(path);
+    match about {
         Err(cause) => return Err(CertificateError::Read { file, cause }),
         Ok(about) if about.permissions().mode() & OTHERS != 0 => {
             return Err(CertificateError::Open { file });
         }
         Ok(_) => {}
     }
-    PrivateKeyDer::from_pem_file(path).map_err(|_| CertificateError::NoKey { file })
-}
-
-/// The end of a certificate's validity.
-struct Validity {
-    not_after_s: i64,
-    until: String,
+    let mut keys = PrivateKeyDer::pem_slice_iter(&text);
+    match (keys.next(), keys.next()) {
+        (Some(Ok(key)), None) => Ok(key),
+        (Some(Ok(_)), Some(_)) => Err(CertificateError::KeyCount { file }),
+        _ => Err(CertificateError::NoKey { file }),
+    }
 }
 
 /// Checks that a certificate of this file can be read and is valid now.
-fn valid(certificate: &CertificateDer<'_>, file: &str) -> Result<Validity, CertificateError> {
+fn valid_now(certificate: &CertificateDer<'_>, file: &str) -> Result<(), CertificateError> {
     let file = file.to_owned();
     let Ok((_, read)) = X509Certificate::from_der(certificate) else {
         return Err(CertificateError::Form { file });
     };
     let validity = read.validity();
-    if !validity.is_valid() {
-        let validity = format!("from {} to {}", validity.not_before, validity.not_after);
-        return Err(CertificateError::Expired { file, validity });
+    if validity.is_valid() {
+        return Ok(());
     }
-    Ok(Validity {
-        not_after_s: validity.not_after.timestamp(),
-        until: validity.not_after.to_string(),
-    })
+    let validity = format!("from {} to {}", validity.not_before, validity.not_after);
+    Err(CertificateError::Expired { file, validity })
 }

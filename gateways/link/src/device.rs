@@ -112,6 +112,105 @@ struct SharedLink {
 
 impl Driver for LinkDevice {
     fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
+        let settings = LinkSettings::read(device)?;
+        if device.robot.is_some() {
+            return Err(DriverError::Robot {
+                device: device.name.clone(),
+                cause: "topics of another cell move no arm: remove `robot`",
+            });
+        }
+        let inbox = Arc::new(Inbox::new(link_channels(device)?));
+        let opened = SharedLink::open(&settings, &inbox);
+        let LinkSettings {
+            listen, connect, ..
+        } = &settings;
+        let shared = opened.map_err(|error| match error {
+            SessionError::Certificate(error) => DriverError::Setting {
+                device: device.name.clone(),
+                key: "tls".to_owned(),
+                cause: error.to_string(),
+                expected: "authority, certificate and key of this cell",
+            },
+            error => DriverError::System {
+                device: device.name.clone(),
+                key: match listen.as_slice() {
+                    [] => "connect",
+                    _ => "listen",
+                },
+                value: format!("{listen:?} {connect:?}"),
+                source: std::io::Error::other(error),
+            },
+        })?;
+        Ok(LinkDevice {
+            timer: PeriodTimer::new(settings.period),
+            on_loss: settings.on_loss,
+            expires_ns: settings.expires_ns,
+            inbox,
+            shared,
+        })
+    }
+
+    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let ticks = self.timer.wait(timeout)?;
+        let reading = self.inbox.read(self.expires_ns);
+        let reason = self.shared.reason(&reading.worst);
+        if reading.fresh == 0 && self.on_loss == OnLoss::Lost {
+            return Err(LinkError::Lost { reason });
+        }
+        *inputs = reading.inputs;
+        let channels = self.inbox.channels().len().max(1);
+        // At most 1000.
+        let quality = (reading.fresh * 1000 / channels) as u32;
+        Ok(Exchange {
+            commandable: true,
+            startable: true,
+            strategy: ControlMode::Position,
+            mirror: [0.0; JOINTS_MAX],
+            ticks,
+            period_ns: self.timer.period_ns(),
+            quality_permille: quality,
+            reason,
+            late: reading.out_of_order,
+            refused: reading.refused,
+        })
+    }
+
+    /// It has no outputs.
+    fn send(&mut self, _: &Outputs) -> Result<(), LinkError> {
+        Ok(())
+    }
+
+    fn release(&mut self) {}
+
+    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
+        Some(Arc::clone(&self.shared) as Arc<dyn LinkDiagnosis>)
+    }
+}
+
+/// The settings of a device.
+#[derive(Clone, Debug)]
+pub(crate) struct LinkSettings {
+    /// Site and cell whose topics these are.
+    pub peer: String,
+    /// Endpoints at which the other cell connects.
+    pub listen: Vec<String>,
+    /// Endpoints of the other cell.
+    pub connect: Vec<String>,
+    /// Endpoints of routers instead.
+    pub router: Vec<String>,
+    /// Files for mutual TLS.
+    pub tls: Option<TlsFiles>,
+    period: Duration,
+    expires_ns: u64,
+    on_loss: OnLoss,
+}
+
+impl LinkSettings {
+    /// Reads and checks them.
+    ///
+    /// # Errors
+    /// Returns what is wrong, with the path of the key and the expected value.
+    pub fn read(device: &DeviceConfig) -> Result<LinkSettings, DriverError> {
         let mut settings = Settings::of(device);
         let peer = settings.read(
             "peer",
@@ -167,81 +266,29 @@ impl Driver for LinkDevice {
             }
             _ => {}
         }
-        if device.robot.is_some() {
-            return Err(DriverError::Robot {
-                device: device.name.clone(),
-                cause: "topics of another cell move no arm: remove `robot`",
-            });
+        if let Err(error) = session::of_one_protocol(&[&listen, &connect, &router], tls.is_some()) {
+            let key = match (listen.is_empty(), router.is_empty()) {
+                (false, _) => "listen",
+                (_, false) => "router",
+                _ => "connect",
+            };
+            return Err(refused(key, &error.to_string()));
         }
-        let inbox = Arc::new(Inbox::new(link_channels(device)?));
-        let expires_ns = u64::try_from(expires.as_nanos()).unwrap_or(u64::MAX);
-        let endpoints = (listen.as_slice(), connect.as_slice(), router.as_slice());
-        let opened = SharedLink::open(endpoints, tls.as_ref(), peer, &inbox, expires_ns);
-        let shared = opened.map_err(|error| match error {
-            SessionError::Certificate(error) => DriverError::Setting {
-                device: device.name.clone(),
-                key: "tls".to_owned(),
-                cause: error.to_string(),
-                expected: "authority, certificate and key of this cell",
-            },
-            error => DriverError::System {
-                device: device.name.clone(),
-                key: match listen.as_slice() {
-                    [] => "connect",
-                    _ => "listen",
-                },
-                value: format!("{listen:?} {connect:?}"),
-                source: std::io::Error::other(error),
-            },
-        })?;
-        Ok(LinkDevice {
-            timer: PeriodTimer::new(period),
+        Ok(LinkSettings {
+            peer,
+            listen,
+            connect,
+            router,
+            tls,
+            period,
+            expires_ns: u64::try_from(expires.as_nanos()).unwrap_or(u64::MAX),
             on_loss,
-            expires_ns,
-            inbox,
-            shared,
         })
-    }
-
-    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
-        let ticks = self.timer.wait(timeout)?;
-        let reading = self.inbox.read(self.expires_ns);
-        let reason = self.shared.reason(&reading.worst);
-        if reading.fresh == 0 && self.on_loss == OnLoss::Lost {
-            return Err(LinkError::Lost { reason });
-        }
-        *inputs = reading.inputs;
-        let channels = self.inbox.channels().len().max(1);
-        // At most 1000.
-        let quality = (reading.fresh * 1000 / channels) as u32;
-        Ok(Exchange {
-            commandable: true,
-            startable: true,
-            strategy: ControlMode::Position,
-            mirror: [0.0; JOINTS_MAX],
-            ticks,
-            period_ns: self.timer.period_ns(),
-            quality_permille: quality,
-            reason,
-            late: reading.out_of_order,
-            refused: reading.refused,
-        })
-    }
-
-    /// It has no outputs.
-    fn send(&mut self, _: &Outputs) -> Result<(), LinkError> {
-        Ok(())
-    }
-
-    fn release(&mut self) {}
-
-    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
-        Some(Arc::clone(&self.shared) as Arc<dyn LinkDiagnosis>)
     }
 }
 
 /// Reads the files of mutual TLS: absolute paths, and no other keys.
-pub(crate) fn tls(value: &Value) -> Option<TlsFiles> {
+fn tls(value: &Value) -> Option<TlsFiles> {
     let fields = value.as_object()?;
     let path = |key| {
         let path = PathBuf::from(fields.get(key)?.as_str()?);
@@ -256,7 +303,7 @@ pub(crate) fn tls(value: &Value) -> Option<TlsFiles> {
 }
 
 /// Reads a list of endpoints.
-pub(crate) fn endpoints(value: &Value) -> Option<Vec<String>> {
+fn endpoints(value: &Value) -> Option<Vec<String>> {
     let list = value.as_array()?.iter();
     list.map(|one| {
         one.as_str()
@@ -267,18 +314,19 @@ pub(crate) fn endpoints(value: &Value) -> Option<Vec<String>> {
 }
 
 impl SharedLink {
-    fn open(
-        (listen, connect, router): (&[String], &[String], &[String]),
-        tls: Option<&TlsFiles>,
-        peer: String,
-        inbox: &Arc<Inbox>,
-        expires_ns: u64,
-    ) -> Result<Arc<SharedLink>, SessionError> {
+    fn open(settings: &LinkSettings, inbox: &Arc<Inbox>) -> Result<Arc<SharedLink>, SessionError> {
+        let LinkSettings {
+            listen,
+            connect,
+            router,
+            tls,
+            ..
+        } = settings;
         let shared = Arc::new(SharedLink {
             inbox: Arc::clone(inbox),
             session: OnceLock::new(),
-            peer,
-            expires_ns,
+            peer: settings.peer.clone(),
+            expires_ns: settings.expires_ns,
             alive: Arc::new(AtomicUsize::new(0)),
             connections: AtomicUsize::new(0),
             named: AtomicUsize::new(0),
@@ -286,7 +334,7 @@ impl SharedLink {
         });
         if router.is_empty() {
             let role = Role::Device { peer: &shared.peer };
-            let identity = tls.map(|files| Identity { files, role });
+            let identity = tls.as_ref().map(|files| Identity { files, role });
             shared.begin(session::open(listen, connect, identity)?)?;
             return Ok(shared);
         }
@@ -355,10 +403,11 @@ impl SharedLink {
 impl LinkDiagnosis for SharedLink {
     fn link(&self) -> Value {
         let session = self.session.get();
+        // In this order: a connection that is made meanwhile has its name.
+        let connections = session.map_or(0, session::connections);
         let names = session.map_or_else(Vec::new, session::neighbours);
         let named = names.iter().filter(|name| **name == self.peer).count();
         self.named.store(named, Ordering::Relaxed);
-        let connections = session.map_or(0, session::connections);
         self.connections.store(connections, Ordering::Relaxed);
         let now_ns = self.inbox.now_ns();
         json!({

@@ -2,19 +2,21 @@
 //! who answers at each endpoint. Access control drops in silence, so what would be dropped is told here. Run by the main thread
 //! of `rcc-link`.
 
+use std::net::{IpAddr, TcpListener};
+
 use rcc_config::link::{LinkConfig, TlsFiles, is_cell_key};
 use rcc_config::{CellConfig, DeviceConfig, DriverConfig};
+use rcc_core::printable::OneLine;
+use rcc_driver_kit::driver::DriverError;
 use serde::Serialize;
 
-use crate::certificate::OwnCertificate;
-use crate::device::{DEVICE_PROGRAM, endpoints, tls};
-use crate::handshake::{HandshakeError, peer_name};
+use crate::certificate::{CertificateEnd, CertificateError, OwnCertificate};
+use crate::device::{DEVICE_PROGRAM, LinkSettings};
+use crate::handshake::{HandshakeError, PeerCertificate, answers, host, peer_certificate};
 use crate::rights::CellRights;
 
 /// A certificate that ends sooner is worth a word, s.
 const SOON_S: i64 = 30 * 24 * 3600;
-/// Hosts that stand for all addresses of a machine.
-const EVERYWHERE: [&str; 2] = ["0.0.0.0", "[::]"];
 
 /// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -69,18 +71,26 @@ struct LinkUser {
 }
 
 /// Verifies the link of a cell and its link devices, against the time `now_s`, seconds since 1970; connects to each endpoint.
+/// `cell` is the name under which the cell runs.
 #[must_use]
-pub fn verify(config: &CellConfig, now_s: i64) -> Vec<LinkFinding> {
-    let gateway = config.link.iter().map(|link| gateway(&config.name, link));
-    let devices = config.devices.iter().filter_map(device);
-    let mut findings = Findings::default();
-    for user in gateway.chain(devices) {
-        findings.verify(&user, now_s);
+pub fn verify(config: &CellConfig, cell: &str, now_s: i64) -> Vec<LinkFinding> {
+    let mut findings = Findings {
+        all: Vec::new(),
+        now_s,
+    };
+    if let Some(link) = &config.link {
+        findings.verify(&gateway(cell, link));
+    }
+    for device in config.devices.iter().filter(|device| is_link(device)) {
+        match device_user(device) {
+            Ok(user) => findings.verify(&user),
+            Err(error) => findings.fail(&device.name, error.to_string()),
+        }
     }
     if let Some(link) = &config.link {
         findings.tell_rights(link);
     }
-    findings.0
+    findings.all
 }
 
 fn gateway(cell: &str, link: &LinkConfig) -> LinkUser {
@@ -95,148 +105,239 @@ fn gateway(cell: &str, link: &LinkConfig) -> LinkUser {
     }
 }
 
-/// Returns what a link device uses; `None` for another device. What its driver refuses when it starts is not looked at here.
-fn device(device: &DeviceConfig) -> Option<LinkUser> {
-    let DriverConfig::Program(own) = &device.driver else {
-        return None;
-    };
-    let program = own.program.rsplit('/').next();
-    let settings = &device.settings;
-    let list = |key: &str| endpoints(&settings[key]).unwrap_or_default();
-    (program == Some(DEVICE_PROGRAM)).then(|| LinkUser {
+fn is_link(device: &DeviceConfig) -> bool {
+    match &device.driver {
+        DriverConfig::Program(own) => own.program.rsplit('/').next() == Some(DEVICE_PROGRAM),
+        DriverConfig::Name(_) => false,
+    }
+}
+
+fn device_user(device: &DeviceConfig) -> Result<LinkUser, DriverError> {
+    let LinkSettings {
+        peer,
+        listen,
+        connect,
+        router,
+        tls,
+        ..
+    } = LinkSettings::read(device)?;
+    Ok(LinkUser {
         of: device.name.clone(),
         name: None,
-        peer: settings["peer"].as_str().map(str::to_owned),
-        listen: list("listen"),
-        connect: list("connect"),
-        router: list("router"),
-        tls: tls(&settings["tls"]),
+        peer: Some(peer),
+        listen,
+        connect,
+        router,
+        tls,
     })
 }
 
-#[derive(Default)]
-struct Findings(Vec<LinkFinding>);
+struct Findings {
+    all: Vec<LinkFinding>,
+    now_s: i64,
+}
 
 impl Findings {
-    fn add(&mut self, level: FindingLevel, of: &str, what: impl Into<String>) {
-        let (of, what) = (of.to_owned(), what.into());
-        self.0.push(LinkFinding { level, of, what });
+    fn add(&mut self, level: FindingLevel, of: &str, what: impl AsRef<str>) {
+        // Names in certificates are those of others.
+        let what = OneLine(what.as_ref()).to_string();
+        let of = of.to_owned();
+        self.all.push(LinkFinding { level, of, what });
     }
 
-    fn verify(&mut self, user: &LinkUser, now_s: i64) {
+    fn fail(&mut self, of: &str, what: impl AsRef<str>) {
+        self.add(FindingLevel::Fail, of, what);
+    }
+
+    fn is_soon(&self, end: &CertificateEnd) -> bool {
+        end.at_s.saturating_sub(self.now_s) < SOON_S
+    }
+
+    fn verify(&mut self, user: &LinkUser) {
         let of = user.of.as_str();
+        if user.listen.is_empty() && user.connect.is_empty() && user.router.is_empty() {
+            return self.fail(
+                of,
+                "neither `listen` nor `connect` nor `router`, so nobody can be reached",
+            );
+        }
         let own = match user.tls.as_ref().map(OwnCertificate::read) {
             None => {
                 let what = "no `tls`: a peer's name is what it says of itself; use a network that only the cells reach";
                 self.add(FindingLevel::Note, of, what);
                 None
             }
-            Some(Err(error)) => return self.add(FindingLevel::Fail, of, error.to_string()),
-            Some(Ok(own)) => {
-                self.verify_own(user, &own, now_s);
-                Some(own)
-            }
+            Some(Err(error)) => return self.fail(of, error.to_string()),
+            Some(Ok(own)) => Some(own),
         };
-        for endpoint in user.connect.iter().chain(&user.router) {
-            let answer = peer_name(endpoint, own.as_ref());
-            self.tell_answer(user, endpoint, own.is_some(), answer);
-        }
-    }
-
-    /// Verifies the own certificate: its name, its end, and the addresses at which others connect.
-    fn verify_own(&mut self, user: &LinkUser, own: &OwnCertificate, now_s: i64) {
-        let of = user.of.as_str();
-        if let Some(Err(error)) = user.name.as_deref().map(|name| own.is_of(name)) {
-            self.add(FindingLevel::Fail, of, error.to_string());
-        }
-        let (file, until) = (&own.file, &own.until);
-        let name = own.name.as_deref().unwrap_or("without a common name");
-        match own.not_after_s.saturating_sub(now_s) {
-            ..SOON_S => {
-                let what =
-                    format!("{file} ({name}) ends at {until}, and the link with it: renew it");
-                self.add(FindingLevel::Warn, of, what);
-            }
-            _ => {
-                let authority = &own.authority_file;
-                let what = format!("{file} ({name}) is signed by {authority}, until {until}");
-                self.add(FindingLevel::Ok, of, what);
-            }
+        if let Some(own) = &own {
+            self.verify_own(user, own);
         }
         for endpoint in &user.listen {
-            let address = endpoint.split_once('/').map_or("", |(_, address)| address);
-            let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
-            if let Some(peer) = &user.peer {
-                let what = format!(
-                    "listens at {endpoint}: who connects must have the certificate of {peer}; what others send is dropped"
-                );
-                self.add(FindingLevel::Note, of, what);
-            }
-            if EVERYWHERE.contains(&host) {
-                let what = format!(
-                    "{endpoint} is every address of this machine: {file} must name each at which others connect (subjectAltName)"
-                );
-                self.add(FindingLevel::Note, of, what);
-            } else if let Err(cause) = own.is_at(host) {
-                let what = format!(
-                    "{file} is not for {host}, at which others connect ({cause}): sign it with subjectAltName={host}"
-                );
-                self.add(FindingLevel::Fail, of, what);
+            self.verify_address(user, endpoint, own.as_ref());
+        }
+        for endpoint in user.connect.iter().chain(&user.router) {
+            match &own {
+                None => self.tell(of, answers(endpoint), |()| format!("{endpoint} answers")),
+                Some(own) => self.tell_peer(user, endpoint, peer_certificate(endpoint, own)),
             }
         }
     }
 
-    /// Tells who answers at an endpoint, and whether what it sends would be dropped.
-    fn tell_answer(
+    /// Verifies the own certificate: its name, its end, and that the other sides accept it.
+    fn verify_own(&mut self, user: &LinkUser, own: &OwnCertificate) {
+        let of = user.of.as_str();
+        let connects = !user.connect.is_empty() || !user.router.is_empty();
+        let checks = [
+            user.name.as_deref().map(|name| own.is_of(name)),
+            connects.then(|| own.connects()),
+            (!user.listen.is_empty()).then(|| own.listens()),
+        ];
+        let failed = checks.into_iter().flatten().filter_map(Result::err);
+        let failed: Vec<CertificateError> = failed.collect();
+        for error in &failed {
+            self.fail(of, error.to_string());
+        }
+        let OwnCertificate {
+            file,
+            authority_file,
+            end,
+            authority_end,
+            ..
+        } = own;
+        let name = own.name.as_deref().unwrap_or("without a common name");
+        let until = &end.words;
+        match self.is_soon(end) {
+            true => {
+                let what = format!(
+                    "{file} ({name}) ends at {until}, and every connection with it: renew it"
+                );
+                self.add(FindingLevel::Warn, of, what);
+            }
+            false if failed.is_empty() => {
+                let what = format!("{file} ({name}) is signed by {authority_file}, until {until}");
+                self.add(FindingLevel::Ok, of, what);
+            }
+            false => {}
+        }
+        if self.is_soon(authority_end) {
+            let until = &authority_end.words;
+            let what =
+                format!("{authority_file} ends at {until}: make the next one, and sign anew");
+            self.add(FindingLevel::Warn, of, what);
+        }
+    }
+
+    /// Verifies an endpoint at which this process listens: an address of this machine, which the certificate names.
+    fn verify_address(&mut self, user: &LinkUser, endpoint: &str, own: Option<&OwnCertificate>) {
+        let of = user.of.as_str();
+        let host = host(endpoint);
+        // Port 0 is a free one: the right one may be in use by the process itself.
+        if let Err(cause) = TcpListener::bind((host.as_str(), 0)) {
+            self.fail(
+                of,
+                format!(
+                    "{endpoint} cannot be listened at ({cause}): give an address of this machine"
+                ),
+            );
+        }
+        if endpoint.ends_with(":0") {
+            let what = format!(
+                "{endpoint} is another port at each start, which nobody knows: give a number"
+            );
+            self.add(FindingLevel::Warn, of, what);
+        }
+        let Some(own) = own else {
+            return;
+        };
+        if let Some(peer) = &user.peer {
+            let what = format!(
+                "listens at {endpoint}: who connects must have the certificate of {peer}; what others send is dropped"
+            );
+            self.add(FindingLevel::Note, of, what);
+        }
+        let file = &own.file;
+        if host
+            .parse()
+            .is_ok_and(|address: IpAddr| address.is_unspecified())
+        {
+            let what = format!(
+                "{endpoint} is every address of this machine: {file} must name each at which others connect (subjectAltName)"
+            );
+            self.add(FindingLevel::Note, of, what);
+        } else if let Err(missing) = own.is_at(&host) {
+            let what = format!(
+                "{file} is not for {host}, at which others connect: sign it with subjectAltName={missing}"
+            );
+            self.fail(of, what);
+        }
+    }
+
+    fn tell<T>(
+        &mut self,
+        of: &str,
+        answer: Result<T, HandshakeError>,
+        words: impl FnOnce(T) -> String,
+    ) {
+        match answer {
+            Ok(answer) => self.add(FindingLevel::Ok, of, words(answer)),
+            // It may be switched off.
+            Err(error @ HandshakeError::Nobody { .. }) => {
+                self.add(FindingLevel::Warn, of, error.to_string());
+            }
+            Err(error) => self.fail(of, error.to_string()),
+        }
+    }
+
+    /// Tells whose certificate is at an endpoint, and whether what it sends would be dropped.
+    fn tell_peer(
         &mut self,
         user: &LinkUser,
         endpoint: &str,
-        has_tls: bool,
-        answer: Result<Option<String>, HandshakeError>,
+        answer: Result<PeerCertificate, HandshakeError>,
     ) {
         let of = user.of.as_str();
+        let Ok(PeerCertificate { name, end }) = &answer else {
+            return self.tell(of, answer, |_| String::new());
+        };
         let is_router = user.router.iter().any(|one| one == endpoint);
-        let (level, what) = match (answer, &user.peer) {
-            // It may be switched off.
-            (Err(error @ HandshakeError::Nobody { .. }), _) => {
-                (FindingLevel::Warn, error.to_string())
-            }
-            (Err(error), _) => (FindingLevel::Fail, error.to_string()),
-            (Ok(None), _) if !has_tls => (FindingLevel::Ok, format!("{endpoint} answers")),
-            (Ok(name), Some(peer)) if name.as_ref() != Some(peer) => {
-                let name = name.unwrap_or_else(|| "nobody".to_owned());
+        let words = name
+            .as_deref()
+            .unwrap_or("a certificate without a common name");
+        match (name, &user.peer) {
+            (name, Some(peer)) if name.as_ref() != Some(peer) => {
                 let what = format!(
-                    "the certificate at {endpoint} is that of {name}, so all that arrives from there is dropped: settings.peer is {peer}"
+                    "at {endpoint} is {words}, and not settings.peer, {peer}: all that arrives from there is dropped"
                 );
-                (FindingLevel::Fail, what)
+                self.fail(of, what);
             }
-            (Ok(Some(name)), _) if is_router && is_cell_key(&name) => {
+            (Some(name), _) if is_router && is_cell_key(name) => {
                 let what = format!(
                     "the router at {endpoint} has the certificate of {name}, so that everybody behind it has that name: give it another one"
                 );
-                (FindingLevel::Fail, what)
+                self.fail(of, what);
             }
-            (Ok(name), _) => {
-                let name = name.unwrap_or_else(|| "a certificate without a common name".to_owned());
-                (FindingLevel::Ok, format!("{name} answers at {endpoint}"))
-            }
-        };
-        self.add(level, of, what);
+            _ => self.add(
+                FindingLevel::Ok,
+                of,
+                format!("{words} answers at {endpoint}"),
+            ),
+        }
+        if let Some(end) = end.as_ref().filter(|end| self.is_soon(end)) {
+            let until = &end.words;
+            let what = format!("the certificate at {endpoint} ends at {until}: renew it there");
+            self.add(FindingLevel::Warn, of, what);
+        }
     }
 
     /// Tells who may do more than read and cancel.
     fn tell_rights(&mut self, link: &LinkConfig) {
-        let lines = CellRights::from(link).lines();
-        if lines.is_empty() {
-            let what = "nobody elsewhere may start or deploy";
-            self.add(FindingLevel::Note, "link", what);
-        }
-        for line in lines {
-            let by = match link.tls {
-                Some(_) => "by its certificate",
-                None => "whoever has that name",
-            };
-            self.add(FindingLevel::Note, "link", format!("{line} ({by})"));
+        let by = match link.tls {
+            Some(_) => "by certificate",
+            None => "by the name that a peer gives itself",
+        };
+        for line in CellRights::from(link).lines() {
+            self.add(FindingLevel::Note, "link", format!("{by}: {line}"));
         }
     }
 }

@@ -67,15 +67,21 @@ impl CellRights {
                 format!("configure: [{peer}]"),
             ),
         };
-        let words = || {
-            format!(
+        let changes = named(&self.deploy) || named(&self.configure);
+        let words = || match operation {
+            Operation::Start if changes => {
+                format!(
+                    "{peer} must not {asked}: it may change what is started here, and nobody may do both"
+                )
+            }
+            _ => format!(
                 "{peer} must not {asked}: the cell's configuration allows it by `link: {{{key}}}`"
-            )
+            ),
         };
         (!may).then(words)
     }
 
-    /// Returns a line for each peer that may do something.
+    /// Returns a line for each peer that may do something, or one that says that nobody may.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let mut may: BTreeMap<&str, Vec<String>> = BTreeMap::new();
@@ -87,6 +93,9 @@ impl CellRights {
             for peer in peers {
                 may.entry(peer).or_default().push(what.to_owned());
             }
+        }
+        if may.is_empty() {
+            return vec!["nobody may start, deploy or configure".to_owned()];
         }
         let lines = may.into_iter();
         lines
@@ -131,6 +140,8 @@ mod tests {
                 "{words}"
             );
         }
+        let both = refusal("lab/office", Operation::Start, "line").expect("refused");
+        assert!(both.ends_with("and nobody may do both"), "{both}");
         for operation in [Operation::Cancel, Operation::Deploy(DeployStep::Check)] {
             assert_eq!(refusal("lab/anyone", operation, "line"), None);
         }
@@ -143,6 +154,8 @@ mod tests {
             "lab/office may deploy and configure",
         ];
         assert_eq!(rights().lines(), lines);
+        let nobody = CellRights::default().lines();
+        assert_eq!(nobody, ["nobody may start, deploy or configure"]);
         let read: CellRights =
             serde_json::from_str(&serde_json::to_string(&rights()).expect("JSON")).expect("rights");
         assert_eq!(read, rights());

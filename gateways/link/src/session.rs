@@ -134,20 +134,35 @@ fn opened(config: Config) -> Result<Session, SessionError> {
         .map_err(|error| SessionError::Open(error.to_string()))
 }
 
+/// Checks that all endpoints are `tls/…` with certificates, and none without.
+///
+/// # Errors
+/// Fails with the first that is not.
+pub fn of_one_protocol(endpoints: &[&[String]], has_tls: bool) -> Result<(), SessionError> {
+    let mixed = |endpoint: &&String| is_tls(endpoint) != has_tls;
+    match endpoints.iter().copied().flatten().find(mixed) {
+        None => Ok(()),
+        Some(endpoint) => Err(SessionError::Protocol(endpoint.clone())),
+    }
+}
+
 fn configured(
     mode: &str,
     (listen, connect): (&[String], &[String]),
     identity: Option<Identity<'_>>,
 ) -> Result<Config, SessionError> {
-    let mixed = |endpoint: &&String| is_tls(endpoint) != identity.is_some();
-    if let Some(endpoint) = listen.iter().chain(connect).find(mixed) {
-        return Err(SessionError::Protocol(endpoint.clone()));
-    }
+    of_one_protocol(&[listen, connect], identity.is_some())?;
     let mut config = Config::default();
     if let Some(identity) = identity {
         let own = OwnCertificate::read(identity.files)?;
         if let Role::Gateway { cell, .. } = identity.role {
             own.is_of(cell)?;
+        }
+        if !listen.is_empty() {
+            own.listens()?;
+        }
+        if !connect.is_empty() {
+            own.connects()?;
         }
         insert(&mut config, "transport/link/tls", &tls(identity.files))?;
         if let Some(control) = access_control(identity.role) {
@@ -159,8 +174,8 @@ fn configured(
         ("mode", format!("\"{mode}\"")),
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
-        ("listen/endpoints", texts(listen)),
-        ("connect/endpoints", texts(connect)),
+        ("listen/endpoints", endpoints(listen)),
+        ("connect/endpoints", endpoints(connect)),
         ("connect/timeout_ms", "-1".to_owned()),
         ("connect/exit_on_failure", "false".to_owned()),
         (
@@ -203,7 +218,12 @@ fn tls(files: &TlsFiles) -> Value {
     })
 }
 
-/// Returns a list of texts as JSON.
-fn texts(list: &[String]) -> String {
-    serde_json::Value::from(list.to_vec()).to_string()
+/// Returns endpoints as JSON. For TLS Zenoh compares the host with the certificate as it is written, so that an IPv6 address
+/// must have no brackets.
+fn endpoints(list: &[String]) -> String {
+    let bare = |endpoint: &String| match is_tls(endpoint) {
+        true => endpoint.replace(['[', ']'], ""),
+        false => endpoint.clone(),
+    };
+    json!(list.iter().map(bare).collect::<Vec<String>>()).to_string()
 }

@@ -13,6 +13,7 @@ use rcc_config::link::TlsFiles;
 use rcc_link::access::Role;
 use rcc_link::doctor::{FindingLevel, LinkFinding, verify};
 use rcc_link::session::{self, Identity};
+use rcgen::{ExtendedKeyUsagePurpose, SanType};
 use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::server::WebPkiClientVerifier;
@@ -53,7 +54,11 @@ fn found_at(link: &str, device: &str, now_s: i64) -> Vec<LinkFinding> {
          channels: {{open: {{kind: digital input, address: door/open}}}}\n"
     );
     let cell = CellConfig::parse_offline(&text, "cell.yaml", Path::new(""));
-    verify(&cell.unwrap_or_else(|faults| panic!("{faults}")), now_s)
+    verify(
+        &cell.unwrap_or_else(|faults| panic!("{faults}")),
+        "feeder",
+        now_s,
+    )
 }
 
 /// What is found of a device that connects to `endpoint`.
@@ -96,7 +101,8 @@ fn the_name_at_the_other_end_is_that_of_the_peer_or_what_it_sends_is_dropped() {
         "{good:#?}"
     );
     let (_other, at_other) = listening(&authority.files("lab/other"));
-    let words = "is that of lab/other, so all that arrives from there is dropped: settings.peer is lab/press";
+    let words =
+        "is lab/other, and not settings.peer, lab/press: all that arrives from there is dropped";
     has(&found(&at_other, &own), FindingLevel::Fail, words);
     let nobody = free_endpoint();
     let words = format!("nothing answers at {nobody} (");
@@ -129,7 +135,32 @@ fn a_certificate_that_either_side_refuses_is_told_with_the_side() {
     let locators = plain.info().locators().wait();
     let address = locators[0].address().to_string();
     let without = found(&format!("tls/{address}"), &own.files("lab/feeder"));
-    has(&without, FindingLevel::Fail, "does not answer as TLS does");
+    has(
+        &without,
+        FindingLevel::Fail,
+        "does not answer as TLS 1.3 does",
+    );
+}
+
+/// A TLS server with these files, for one client, which needs no certificate.
+fn server_without_clients(files: &TlsFiles) -> (JoinHandle<()>, String) {
+    let config =
+        ServerConfig::builder_with_provider(Arc::new(rustls::crypto::ring::default_provider()))
+            .with_safe_default_protocol_versions()
+            .expect("versions")
+            .with_no_client_auth();
+    let key = PrivateKeyDer::from_pem_file(&files.key).expect("a key");
+    let chain = vec![CertificateDer::from_pem_file(&files.certificate).expect("a certificate")];
+    let config = config.with_single_cert(chain, key).expect("settings");
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let endpoint = format!("tls/{}", listener.local_addr().expect("an address"));
+    let accept = move || {
+        let (tcp, _) = listener.accept().expect("a client");
+        let tls = ServerConnection::new(Arc::new(config)).expect("a connection");
+        // Until the client goes.
+        let _ = StreamOwned::new(tls, tcp).read(&mut [0]);
+    };
+    (std::thread::spawn(accept), endpoint)
 }
 
 /// A TLS server at an endpoint with these files, which accepts one client, of another authority only.
@@ -211,7 +242,7 @@ fn files_are_judged_as_the_other_side_would() {
     has(
         &found(&nobody, &good),
         FindingLevel::Fail,
-        "can be read by everybody",
+        "is open to everybody",
     );
 }
 
@@ -234,9 +265,13 @@ fn the_gateway_has_its_own_name_at_the_address_where_it_listens() {
     has(
         &good,
         FindingLevel::Note,
-        "lab/press may start close-door (by its certificate)",
+        "by certificate: lab/press may start close-door",
     );
-    has(&good, FindingLevel::Note, "lab/office may deploy");
+    has(
+        &good,
+        FindingLevel::Note,
+        "by certificate: lab/office may deploy",
+    );
     // The device beside it has no TLS.
     has(
         &good,
@@ -266,11 +301,223 @@ fn the_gateway_has_its_own_name_at_the_address_where_it_listens() {
     has(
         &link(&short, "127.0.0.1", now_s()),
         FindingLevel::Warn,
-        "and the link with it: renew it",
+        "and every connection with it: renew it",
     );
     let before = link(&short, "127.0.0.1", now_s() - 60 * DAY_S);
     assert!(
         before.iter().all(|it| it.level < FindingLevel::Warn),
         "{before:#?}"
     );
+}
+
+/// What the device's driver would refuse when it starts is a fault here, too.
+#[test]
+fn settings_that_the_driver_refuses_are_faults() {
+    let authority = Authority::new();
+    let tls = yaml(&authority.files("lab/feeder"));
+    let at = "connect: [\"tls/127.0.0.1:7447\"]";
+    for (settings, words) in [
+        (
+            format!(
+                "{{peer: lab/press, {at}, tls: {{authority: ca.pem, certificate: a.pem, key: a.key}}}}"
+            ),
+            "settings.tls",
+        ),
+        (
+            format!("{{peer: lab/press, {at}}}"),
+            "without them `tcp/HOST:PORT`",
+        ),
+        (
+            format!("{{peer: lab/press, connect: [\"tcp/127.0.0.1:7447\"], tls: {tls}}}"),
+            "every endpoint is `tls/HOST:PORT`",
+        ),
+        (
+            format!("{{peer: lab/press, conect: [], tls: {tls}}}"),
+            "conect",
+        ),
+        (
+            format!("{{peer: lab/press, tls: {tls}}}"),
+            "is missing, and `listen` and `router` too",
+        ),
+        (format!("{{{at}, tls: {tls}}}"), "settings.peer"),
+        (
+            format!("{{peer: lab/press, router: [\"tls/127.0.0.1:7447\"], tls: {tls}}}"),
+            "settings.router",
+        ),
+    ] {
+        has(&found_at("", &settings, now_s()), FindingLevel::Fail, words);
+    }
+    let alone = found_at(
+        "{site: lab}",
+        "{peer: lab/press, connect: [\"tcp/127.0.0.1:1\"]}",
+        now_s(),
+    );
+    has(&alone, FindingLevel::Fail, "so nobody can be reached");
+    let away = "{site: lab, listen: [\"tcp/192.0.2.1:7447\", \"tcp/127.0.0.1:0\"]}";
+    let away = found_at(
+        away,
+        "{peer: lab/press, connect: [\"tcp/127.0.0.1:1\"]}",
+        now_s(),
+    );
+    has(
+        &away,
+        FindingLevel::Fail,
+        "tcp/192.0.2.1:7447 cannot be listened at",
+    );
+    has(&away, FindingLevel::Warn, "is another port at each start");
+}
+
+/// Usage and end of certificates, as the other side of a connection judges them.
+#[test]
+fn a_certificate_is_judged_by_the_side_that_it_is_for_and_by_its_whole_chain() {
+    let authority = Authority::new();
+    let serves = authority.signed("lab/feeder", |params| {
+        params.extended_key_usages = vec![ExtendedKeyUsagePurpose::ServerAuth];
+    });
+    let link = |what: &str, files: &TlsFiles| {
+        let link = format!("{{site: lab, {what}, tls: {}}}", yaml(files));
+        found_at(
+            &link,
+            "{peer: lab/press, connect: [\"tcp/127.0.0.1:1\"]}",
+            now_s(),
+        )
+    };
+    let (listen, connect) = (
+        "listen: [\"tls/127.0.0.1:7447\"]",
+        "connect: [\"tls/127.0.0.1:1\"]",
+    );
+    has(
+        &link(listen, &serves),
+        FindingLevel::Ok,
+        "(lab/feeder) is signed by",
+    );
+    has(
+        &link(connect, &serves),
+        FindingLevel::Fail,
+        "is refused by every other side",
+    );
+    let asks = authority.signed("lab/feeder", |params| {
+        params.extended_key_usages = vec![ExtendedKeyUsagePurpose::ClientAuth];
+    });
+    has(
+        &link(connect, &asks),
+        FindingLevel::Ok,
+        "(lab/feeder) is signed by",
+    );
+    for everywhere in ["0.0.0.0", "::"] {
+        let listen = format!("listen: [\"tls/{everywhere}:7447\"]");
+        has(
+            &link(&listen, &asks),
+            FindingLevel::Fail,
+            "is refused by every other side",
+        );
+    }
+    // A connection ends with the first certificate of its chain.
+    let old = authority.signed("lab/old", |params| {
+        params.not_after = rcgen::date_time_ymd(2020, 1, 1)
+    });
+    let own = authority.files("lab/feeder");
+    let read = |path: &Path| std::fs::read_to_string(path).expect("a file");
+    let both = read(&own.certificate) + &read(&old.certificate);
+    std::fs::write(&own.certificate, both).expect("a file");
+    has(&link(connect, &own), FindingLevel::Fail, "is not valid now");
+    // That of the authority matters to nobody before the next one is made.
+    let soon = authority.files("lab/feeder");
+    let old_authority = TlsFiles {
+        authority: old.certificate.clone(),
+        ..soon
+    };
+    has(
+        &link(connect, &old_authority),
+        FindingLevel::Warn,
+        "make the next one, and sign anew",
+    );
+}
+
+/// Neither a file nor a server without end keeps the doctor, and a name from a certificate makes no line of its own.
+#[test]
+fn what_has_no_end_and_what_pretends_is_told() {
+    let authority = Authority::new();
+    let own = authority.files("lab/feeder");
+    for path in ["/dev/zero", "/tmp"] {
+        let endless = TlsFiles {
+            key: path.into(),
+            ..own.clone()
+        };
+        has(
+            &found(&free_endpoint(), &endless),
+            FindingLevel::Fail,
+            "is no regular file",
+        );
+    }
+    let slow = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let endpoint = format!("tls/{}", slow.local_addr().expect("an address"));
+    let (told, ended) = std::sync::mpsc::channel();
+    let drip = std::thread::spawn(move || {
+        let (mut stream, _) = slow.accept().expect("a client");
+        // The header of a long record, byte by byte, for as long as somebody reads.
+        while ended.recv_timeout(Duration::from_millis(100))
+            == Err(std::sync::mpsc::RecvTimeoutError::Timeout)
+        {
+            let _ = stream.write_all(&[22]);
+        }
+    });
+    let slowly = found(&endpoint, &own);
+    told.send(()).expect("it writes");
+    drip.join().expect("it ends");
+    has(
+        &slowly,
+        FindingLevel::Fail,
+        "does not answer as TLS 1.3 does",
+    );
+    let forged = authority.signed("forged", |params| {
+        let name = &mut params.distinguished_name;
+        name.push(rcgen::DnType::CommonName, "lab/x\nok    press: fine");
+    });
+    let (_session, at_forged) = listening(&forged);
+    let found = found(&at_forged, &own);
+    assert!(found.iter().all(|it| !it.what.contains('\n')), "{found:?}");
+    has(&found, FindingLevel::Fail, "is lab/x");
+}
+
+/// A server of TLS that asks for no certificate is no rcc-link.
+#[test]
+fn another_server_of_tls_is_not_taken_for_a_cell() {
+    let authority = Authority::new();
+    let (server, endpoint) = server_without_clients(&authority.files(PEER));
+    let found = found(&endpoint, &authority.files("lab/feeder"));
+    has(&found, FindingLevel::Fail, "asks for no certificate");
+    server.join().expect("it ends");
+}
+
+/// An IPv6 address is written with brackets, as everywhere, and is in certificates without them.
+#[test]
+fn an_address_with_brackets_is_reached() {
+    if TcpListener::bind("[::1]:0").is_err() {
+        eprintln!("skipped: an address with brackets (no IPv6)");
+        return;
+    }
+    let authority = Authority::new();
+    let at_home = |name| {
+        authority.signed(name, |params| {
+            let address = "::1".parse().expect("an address");
+            params.subject_alt_names.push(SanType::IpAddress(address));
+        })
+    };
+    let port = rcc_config::free_port(rcc_config::Protocol::Tcp).expect("a port");
+    let endpoint = format!("tls/[::1]:{port}");
+    let files = at_home(PEER);
+    let role = Role::Operator;
+    let identity = Some(Identity {
+        files: &files,
+        role,
+    });
+    let _press = session::open(std::slice::from_ref(&endpoint), &[], identity).expect("a session");
+    let own = at_home("lab/feeder");
+    has(
+        &found(&endpoint, &own),
+        FindingLevel::Ok,
+        &format!("{PEER} answers at {endpoint}"),
+    );
+    rcc_link::fleet::connect(&[endpoint], Some(&own)).expect("a connection");
 }

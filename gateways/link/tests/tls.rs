@@ -233,7 +233,7 @@ fn files_that_cannot_be_used_are_named_with_what_to_do() {
     );
     permit(&good.key, 0o644);
     assert!(
-        words(&good).contains("can be read by everybody"),
+        words(&good).contains("is open to everybody"),
         "{}",
         words(&good)
     );

@@ -48,8 +48,6 @@ pub struct MachineFacts {
     pub strays: Vec<cells::StrayMemory>,
     /// Findings about the cell's link to others.
     pub link: Vec<HealthFinding>,
-    /// Reason why it could not be verified.
-    pub not_verified: Option<String>,
     /// Measured wake-up latency.
     pub measured: Option<WakeUpMeasurement>,
     /// Reason why it could not be measured.

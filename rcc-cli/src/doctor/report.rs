@@ -113,7 +113,7 @@ impl DoctorReport {
             (0, 0) => "no problems found".to_owned(),
             (0, warnings) => format!("cells can run here; {}", Counted::of(warnings, "warning")),
             (fails, warnings) => format!(
-                "{} {} cells from running; {}",
+                "{} {} cells from running as configured; {}",
                 Counted::of(fails, "problem"),
                 if fails == 1 { "prevents" } else { "prevent" },
                 Counted::of(warnings, "warning")

@@ -69,15 +69,6 @@ pub struct LinkRights {
     pub configure: Vec<String>,
 }
 
-impl LinkRights {
-    /// Returns true if `peer` may start the net.
-    #[must_use]
-    pub fn may_start(&self, peer: &str, net: &str) -> bool {
-        let nets = self.start.get(peer);
-        nets.is_some_and(|nets| nets.iter().any(|name| name == net))
-    }
-}
-
 /// Files in PEM format for mutual TLS; absolute paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
@@ -383,8 +374,6 @@ mod tests {
             (link.rate_hz, link.rights.start["lab/feeder"].as_slice()),
             (50.0, &["close-door".to_owned()][..])
         );
-        assert!(link.rights.may_start("lab/feeder", "close-door"));
-        assert!(!link.rights.may_start("lab/feeder", "open-door"));
         let without = CellConfig::parse_offline(
             "cell: a\nperiod: 1 ms\ndevices: {io: {driver: modbus}}\n",
             "cell.yaml",

@@ -51,7 +51,7 @@ fn a_net_that_one_cell_of_three_refuses_changes_nothing_anywhere() {
     assert!(done && told.starts_with(&all.concat()), "{told}");
     // The configuration that does all this is one that `doctor` finds no fault with.
     let doctor = fleet.cells[0].cli_exits(0, &["doctor", "--measure", "0", "--output", "json"]);
-    let words = "link: lab/office may deploy and configure (by its certificate)";
+    let words = "link: by certificate: lab/office may deploy and configure";
     assert!(doctor.0.contains(words), "{}", doctor.0);
     // A cell that is not there.
     fleet.kill_gateway(1);

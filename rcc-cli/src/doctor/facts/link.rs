@@ -18,34 +18,62 @@ struct LinkFinding {
     what: String,
 }
 
-/// Verifies the link of a cell and its link devices; no findings for a cell without them.
-///
-/// # Errors
-/// Fails with the reason if `rcc-link` is not there or gives no findings.
-pub fn read(config: &CellConfig, file: &Path) -> Result<Vec<HealthFinding>, String> {
+/// Verifies the link of a cell and its link devices; no findings for a cell without them, and a warning if `rcc-link` is not there or
+/// gives no findings.
+#[must_use]
+pub fn read(config: &CellConfig, file: &Path) -> Vec<HealthFinding> {
     let is_link = |driver: String| driver.rsplit('/').next() == Some(PROGRAM);
     let mut devices = config.devices.iter();
     if config.link.is_none() && !devices.any(|device| is_link(device.driver.to_string())) {
-        return Ok(Vec::new());
+        return Vec::new();
     }
-    let program = paths::program("rcc-link").map_err(|failure| failure.body.message.clone())?;
+    let again = format!("rcc-link doctor --config {}", file.display());
+    let not_verified = |reason: &str, fix: String| {
+        let what = format!("the link to other cells is not verified: {reason}");
+        vec![HealthFinding::warn(what, fix)]
+    };
+    let program = match paths::program("rcc-link") {
+        Ok(program) => program,
+        Err(failure) => {
+            let fix = "build it (`cargo build --release -p rcc-link`) and put it beside rcc-cli";
+            return not_verified(&failure.body.message, fix.to_owned());
+        }
+    };
     let mut command = Command::new(&program);
-    let command = command.args(["doctor", "--json", "--config"]).arg(file);
-    let output = command
-        .output()
-        .map_err(|error| format!("{}: {error}", program.display()))?;
-    let findings: Vec<LinkFinding> = serde_json::from_slice(&output.stdout).map_err(|_| {
-        let words = String::from_utf8_lossy(&output.stderr);
-        format!("{}: {}", program.display(), words.trim())
-    })?;
-    Ok(findings.into_iter().map(finding).collect())
+    let command = command.args(["--cell", &config.name, "doctor", "--json", "--config"]);
+    let output = match command.arg(file).output() {
+        Ok(output) => output,
+        Err(error) => return not_verified(&format!("{}: {error}", program.display()), again),
+    };
+    match serde_json::from_slice::<Vec<LinkFinding>>(&output.stdout) {
+        Ok(findings) => {
+            let findings = findings.into_iter();
+            findings.map(|it| it.finding(&again)).collect()
+        }
+        Err(_) => {
+            let words = String::from_utf8_lossy(&output.stderr);
+            let reason = format!(
+                "{} ended with {}: {}",
+                program.display(),
+                output.status,
+                words.trim()
+            );
+            not_verified(
+                &reason,
+                format!("use the rcc-link of this build; `{again}` says more"),
+            )
+        }
+    }
 }
 
-fn finding(LinkFinding { level, of, what }: LinkFinding) -> HealthFinding {
-    HealthFinding {
-        level,
-        // The remedy is in the words.
-        fix: (level >= FindingLevel::Warn).then(|| "follow the message".to_owned()),
-        ..HealthFinding::ok(format!("{of}: {what}"))
+impl LinkFinding {
+    fn finding(self, again: &str) -> HealthFinding {
+        let LinkFinding { level, of, what } = self;
+        HealthFinding {
+            level,
+            // The words say what to do.
+            fix: (level >= FindingLevel::Warn).then(|| format!("then again: `{again}`")),
+            ..HealthFinding::ok(format!("{of}: {what}"))
+        }
     }
 }

@@ -57,7 +57,7 @@ enum LinkCommand {
         #[command(flatten)]
         reach: Reach,
         /// Only those of this site
-        #[arg(long, default_value = "*")]
+        #[arg(long, default_value = "*", value_parser = site)]
         site: String,
     },
     /// Show all cells, first those that need a person; live in a terminal, or once as text
@@ -65,7 +65,7 @@ enum LinkCommand {
         #[command(flatten)]
         reach: Reach,
         /// Only those of this site
-        #[arg(long, default_value = "*")]
+        #[arg(long, default_value = "*", value_parser = site)]
         site: String,
         /// Print once as text; implied without a terminal
         #[arg(long)]
@@ -76,7 +76,7 @@ enum LinkCommand {
         #[command(flatten)]
         reach: Reach,
         /// Only those of this site
-        #[arg(long, default_value = "*")]
+        #[arg(long, default_value = "*", value_parser = site)]
         site: String,
     },
     /// Follow topics of a cell, until interrupted
@@ -99,7 +99,7 @@ enum LinkCommand {
         #[command(flatten)]
         reach: Reach,
         /// Only those of this site
-        #[arg(long, default_value = "*")]
+        #[arg(long, default_value = "*", value_parser = site)]
         site: String,
     },
     /// Verify the link of a cell and its link devices: certificates, names, addresses, and who answers at each endpoint. Nothing
@@ -146,6 +146,14 @@ fn topic(text: &str) -> Result<String, String> {
     }
 }
 
+fn site(text: &str) -> Result<String, String> {
+    let is_valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
+    match text == "*" || !text.is_empty() && text.chars().all(is_valid) {
+        true => Ok(text.to_owned()),
+        false => Err("write the name of a site, such as lab, or * for all".to_owned()),
+    }
+}
+
 fn cell_key(text: &str) -> Result<String, String> {
     match is_cell_key(text) {
         true => Ok(text.to_owned()),
@@ -186,6 +194,8 @@ enum LinkError {
     Deploy(#[from] DeployError),
     #[error("{0} of the nets are still there")]
     NotWithdrawn(usize),
+    #[error("no cell of the site `{0}` answers: `rcc-link cells` lists those that are there")]
+    NoCell(String),
     #[error("{0} has neither `link:` nor a device of rcc-link-device: there is nothing to verify")]
     NothingToVerify(String),
     #[error("the link does not work as it is written: {0} to mend")]
@@ -235,15 +245,18 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
         LinkCommand::Start(ask) => operate(&ask, Operation::Start),
         LinkCommand::Cancel(ask) => operate(&ask, Operation::Cancel),
         LinkCommand::Rights { reach, site } => {
-            let all = format!("{site}/*");
-            for (cell, rights) in fleet::rights(&reach.session()?, &all)? {
+            let all = fleet::rights(&reach.session()?, &format!("{site}/*"))?;
+            if all.is_empty() {
+                return Err(LinkError::NoCell(site));
+            }
+            for (cell, rights) in all {
                 for line in rights.lines() {
                     rcc_process::say(&format!("{cell}  {line}"));
                 }
             }
             Ok(())
         }
-        LinkCommand::Doctor { config, json } => doctor(&config, json),
+        LinkCommand::Doctor { config, json } => doctor(cell, &config, json),
         LinkCommand::Deploy(deploy) => deployment::give(&deploy),
         LinkCommand::Withdraw { reach, nets } => deployment::withdraw(&reach, &nets),
     }
@@ -262,9 +275,10 @@ fn stop_at(signals: Stop) -> std::io::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-fn doctor(file: &Path, as_json: bool) -> Result<(), LinkError> {
+fn doctor(cell: Option<String>, file: &Path, as_json: bool) -> Result<(), LinkError> {
     let config = CellConfig::load_offline(file).map_err(LinkError::Config)?;
-    let findings = doctor::verify(&config, now_s());
+    let cell = cell.unwrap_or_else(|| config.name.clone());
+    let findings = doctor::verify(&config, &cell, now_s());
     if findings.is_empty() {
         return Err(LinkError::NothingToVerify(file.display().to_string()));
     }
