@@ -93,6 +93,12 @@ pub fn verify(config: &CellConfig, cell: &str, now_s: i64) -> Vec<LinkFinding> {
     findings.all
 }
 
+/// Returns true for an endpoint whose port is open: another one at each start, which no peer knows.
+#[must_use]
+pub fn has_no_port(endpoint: &str) -> bool {
+    endpoint.ends_with(":0")
+}
+
 fn gateway(cell: &str, link: &LinkConfig) -> LinkUser {
     LinkUser {
         of: "link".to_owned(),
@@ -241,11 +247,11 @@ impl Findings {
                 ),
             );
         }
-        if endpoint.ends_with(":0") {
+        if has_no_port(endpoint) {
             let what = format!(
-                "{endpoint} is another port at each start, which nobody knows: give a number"
+                "{endpoint}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
             );
-            self.add(FindingLevel::Warn, of, what);
+            self.fail(of, what);
         }
         let Some(own) = own else {
             return;

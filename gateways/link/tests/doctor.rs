@@ -4,6 +4,7 @@
 use std::io::{Read as _, Write as _};
 use std::net::TcpListener;
 use std::path::Path;
+use std::process::{Command, Output};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
@@ -364,7 +365,11 @@ fn settings_that_the_driver_refuses_are_faults() {
         FindingLevel::Fail,
         "tcp/192.0.2.1:7447 cannot be listened at",
     );
-    has(&away, FindingLevel::Warn, "is another port at each start");
+    has(
+        &away,
+        FindingLevel::Fail,
+        "an automatic port has no number here",
+    );
 }
 
 /// Usage and end of certificates, as the other side of a connection judges them.
@@ -520,4 +525,40 @@ fn an_address_with_brackets_is_reached() {
         &format!("{PEER} answers at {endpoint}"),
     );
     rcc_link::fleet::connect(&[endpoint], Some(&own)).expect("a connection");
+}
+
+/// An open port has the number that the cell was started with, or none, and then nobody could connect.
+#[test]
+fn an_open_port_needs_its_number() {
+    let folder = rcc_testing::folder();
+    let file = folder.path().join("press.yaml");
+    let text = "cell: press\nperiod: 1 ms\nports: {hall: auto tcp}\nlink: {site: lab, listen: [\"tcp/127.0.0.1:${hall}\"]}\n\
+                devices: {io: {driver: modbus}}\n";
+    std::fs::write(&file, text).expect("a file");
+    let said = |what: &str, port: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-link"));
+        let command = command
+            .args([what, "--config"])
+            .arg(&file)
+            .env_remove("RCC_PORTS");
+        let output = match port {
+            "" => command.output(),
+            port => command.args(["--port", port]).output(),
+        };
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = output.expect("rcc-link runs");
+        let text = String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned();
+        (status.success(), text)
+    };
+    for what in ["serve", "doctor"] {
+        let (done, text) = said(what, "");
+        let words = "tcp/127.0.0.1:0: an automatic port has no number here";
+        assert!(!done && text.contains(words), "{what}: {text}");
+    }
+    let port = rcc_config::free_port(rcc_config::Protocol::Tcp).expect("a port");
+    let (done, text) = said("doctor", &format!("hall={port}"));
+    assert!(done, "{text}");
 }

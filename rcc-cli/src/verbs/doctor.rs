@@ -72,7 +72,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         });
     let mut facts = collect_facts(context, requirements, arguments.measure);
     if let Some(selected) = &selected {
-        facts.link = facts::link::read(&selected.config, &selected.path);
+        facts.link = facts::link::read(selected);
     }
     let mut report = DoctorReport::of(&facts);
     if let Some(measured) = &facts.measured {

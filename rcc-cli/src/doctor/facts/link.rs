@@ -1,12 +1,11 @@
 //! The link of a cell to others: read from `rcc-link doctor`, which speaks TLS. Run by the main thread.
 
-use std::path::Path;
 use std::process::Command;
 
-use rcc_config::CellConfig;
 use serde::Deserialize;
 
 use crate::doctor::link::peer::PROGRAM;
+use crate::doctor::requirements::SelectedCell;
 use crate::doctor::{FindingLevel, HealthFinding};
 use crate::supervisor::paths;
 
@@ -21,7 +20,13 @@ struct LinkFinding {
 /// Verifies the link of a cell and its link devices; no findings for a cell without them, and a warning if `rcc-link` is not there or
 /// gives no findings.
 #[must_use]
-pub fn read(config: &CellConfig, file: &Path) -> Vec<HealthFinding> {
+pub fn read(selected: &SelectedCell) -> Vec<HealthFinding> {
+    let SelectedCell {
+        config,
+        path: file,
+        ports,
+        ..
+    } = selected;
     let is_link = |driver: String| driver.rsplit('/').next() == Some(PROGRAM);
     let mut devices = config.devices.iter();
     if config.link.is_none() && !devices.any(|device| is_link(device.driver.to_string())) {
@@ -41,7 +46,15 @@ pub fn read(config: &CellConfig, file: &Path) -> Vec<HealthFinding> {
     };
     let mut command = Command::new(&program);
     let command = command.args(["--cell", &config.name, "doctor", "--json", "--config"]);
-    let output = match command.arg(file).output() {
+    let ports = ports
+        .iter()
+        .map(|(name, number)| format!("--port={name}={number}"));
+    let output = match command
+        .arg(file)
+        .args(ports)
+        .env_remove("RCC_PORTS")
+        .output()
+    {
         Ok(output) => output,
         Err(error) => return not_verified(&format!("{}: {error}", program.display()), again),
     };

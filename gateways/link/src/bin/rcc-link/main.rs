@@ -4,7 +4,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +13,11 @@ use std::time::SystemTime;
 use clap::{Args, Parser, Subcommand};
 use rcc_config::CellConfig;
 use rcc_config::link::is_cell_key;
+use rcc_config::ports::PortArgument;
 use rcc_core::printable::Printable;
 use rcc_link::certificate::CertificateError;
 use rcc_link::deploy::DeployError;
-use rcc_link::doctor::{self, FindingLevel, LinkFinding};
+use rcc_link::doctor::{self, FindingLevel, LinkFinding, has_no_port};
 use rcc_link::fleet::{self, CellMessage, CellRequest, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
 use rcc_link::keys::{CellKeys, Operation, is_topic};
@@ -45,9 +46,8 @@ struct Arguments {
 enum LinkCommand {
     /// Carry topics, events and states of a cell to other hosts, and their START and CANCEL to it, as its `link:` says
     Serve {
-        /// Configuration of the cell, which has a `link:`; the cell need not run yet
-        #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
-        config: PathBuf,
+        #[command(flatten)]
+        file: CellFile,
         /// End with the process that started this one
         #[arg(long)]
         parent_death: bool,
@@ -105,9 +105,8 @@ enum LinkCommand {
     /// Verify the link of a cell and its link devices: certificates, names, addresses, and who answers at each endpoint. Nothing
     /// is changed; fails if something cannot work
     Doctor {
-        /// Configuration of the cell; the cell need not run
-        #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
-        config: PathBuf,
+        #[command(flatten)]
+        file: CellFile,
         /// Print the findings as JSON
         #[arg(long)]
         json: bool,
@@ -123,6 +122,38 @@ enum LinkCommand {
         #[arg(value_name = "SITE/CELL/NET#ID", required = true, value_parser = deployment::loaded_net)]
         nets: Vec<(String, String)>,
     },
+}
+
+/// A cell's file.
+#[derive(Args)]
+struct CellFile {
+    /// Configuration of the cell; the cell need not run
+    #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
+    config: PathBuf,
+    /// Number of a port that the configuration leaves open
+    #[arg(
+        long = "port",
+        env = "RCC_PORTS",
+        value_name = "NAME=NUMBER",
+        value_delimiter = ','
+    )]
+    ports: Vec<PortArgument>,
+}
+
+impl CellFile {
+    /// Reads the configuration; automatic ports are 0 if no numbers are given.
+    fn load(&self) -> Result<CellConfig, LinkError> {
+        if self.ports.is_empty() {
+            return CellConfig::load_offline(&self.config).map_err(LinkError::Config);
+        }
+        let ports = self.ports.iter();
+        let ports = ports.map(|port| (port.name.clone(), port.number)).collect();
+        CellConfig::load(&self.config, &ports).map_err(LinkError::Config)
+    }
+
+    fn name(&self) -> String {
+        self.config.display().to_string()
+    }
 }
 
 #[derive(Args)]
@@ -176,6 +207,10 @@ enum LinkError {
     Signals(#[from] rcc_process::signals::SignalError),
     #[error("cannot start: {0}")]
     System(#[from] std::io::Error),
+    #[error(
+        "{0}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
+    )]
+    NoPort(String),
     #[error(transparent)]
     Gateway(#[from] GatewayError),
     #[error(transparent)]
@@ -215,13 +250,14 @@ fn main() -> ExitCode {
 
 fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
     match what {
-        LinkCommand::Serve {
-            config,
-            parent_death,
-        } => serve(cell, &config, parent_death),
+        LinkCommand::Serve { file, parent_death } => serve(cell, &file, parent_death),
         LinkCommand::Cells { reach, site } => {
             let session = reach.session()?;
-            for (name, cell) in fleet::cells(&session, &site)? {
+            let cells = fleet::cells(&session, &site)?;
+            if cells.is_empty() {
+                rcc_process::remark(&format!("no cell of the site `{site}` is there"));
+            }
+            for (name, cell) in cells {
                 rcc_process::say(&row(&name, &cell));
             }
             Ok(())
@@ -256,7 +292,7 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
             }
             Ok(())
         }
-        LinkCommand::Doctor { config, json } => doctor(cell, &config, json),
+        LinkCommand::Doctor { file, json } => doctor(cell, &file, json),
         LinkCommand::Deploy(deploy) => deployment::give(&deploy),
         LinkCommand::Withdraw { reach, nets } => deployment::withdraw(&reach, &nets),
     }
@@ -275,12 +311,12 @@ fn stop_at(signals: Stop) -> std::io::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-fn doctor(cell: Option<String>, file: &Path, as_json: bool) -> Result<(), LinkError> {
-    let config = CellConfig::load_offline(file).map_err(LinkError::Config)?;
+fn doctor(cell: Option<String>, file: &CellFile, as_json: bool) -> Result<(), LinkError> {
+    let config = file.load()?;
     let cell = cell.unwrap_or_else(|| config.name.clone());
     let findings = doctor::verify(&config, &cell, now_s());
     if findings.is_empty() {
-        return Err(LinkError::NothingToVerify(file.display().to_string()));
+        return Err(LinkError::NothingToVerify(file.name()));
     }
     match as_json {
         true => rcc_process::say(&json!(findings).to_string()),
@@ -374,17 +410,20 @@ fn row(name: &str, cell: &FoundCell) -> String {
     }
 }
 
-fn serve(cell: Option<String>, file: &Path, parent_death: bool) -> Result<(), LinkError> {
+fn serve(cell: Option<String>, file: &CellFile, parent_death: bool) -> Result<(), LinkError> {
     // If memory runs out, the kernel should first end processes that only observe.
     let _ = raise_score(SCORE_OBSERVER);
     // Before the first thread, which inherits the mask.
     let signals = Stop::prepare(parent_death)?;
-    let config = CellConfig::load_offline(file).map_err(LinkError::Config)?;
-    let file = file.display().to_string();
+    let config = file.load()?;
+    let file = file.name();
     let link = config.link.clone();
     let link = link.ok_or_else(|| LinkError::NoLink(file.clone()))?;
     if link.listen.is_empty() && link.connect.is_empty() && link.router.is_empty() {
         return Err(LinkError::Nobody(file));
+    }
+    if let Some(endpoint) = link.listen.iter().find(|endpoint| has_no_port(endpoint)) {
+        return Err(LinkError::NoPort(endpoint.clone()));
     }
     let stop = stop_at(signals)?;
     let options = GatewayOptions {
