@@ -183,9 +183,20 @@ impl Findings {
             self.verify_address(user, endpoint, own.as_ref());
         }
         for endpoint in user.connect.iter().chain(&user.router) {
-            match &own {
-                None => self.tell(of, answers(endpoint), |()| format!("{endpoint} answers")),
-                Some(own) => self.tell_peer(user, endpoint, peer_certificate(endpoint, own)),
+            let answered = match &own {
+                None => answers(endpoint).map(|()| {
+                    self.add(FindingLevel::Ok, of, format!("{endpoint} answers"));
+                }),
+                Some(own) => peer_certificate(endpoint, own)
+                    .map(|certificate| self.tell_peer(user, endpoint, &certificate)),
+            };
+            if let Err(error) = answered {
+                let level = match &error {
+                    // It may be switched off.
+                    HandshakeError::Nobody { .. } => FindingLevel::Warn,
+                    _ => FindingLevel::Fail,
+                };
+                self.add(level, of, error.to_string());
             }
         }
     }
@@ -279,33 +290,10 @@ impl Findings {
         }
     }
 
-    fn tell<T>(
-        &mut self,
-        of: &str,
-        answer: Result<T, HandshakeError>,
-        words: impl FnOnce(T) -> String,
-    ) {
-        match answer {
-            Ok(answer) => self.add(FindingLevel::Ok, of, words(answer)),
-            // It may be switched off.
-            Err(error @ HandshakeError::Nobody { .. }) => {
-                self.add(FindingLevel::Warn, of, error.to_string());
-            }
-            Err(error) => self.fail(of, error.to_string()),
-        }
-    }
-
     /// Tells whose certificate is at an endpoint, and whether what it sends would be dropped.
-    fn tell_peer(
-        &mut self,
-        user: &LinkUser,
-        endpoint: &str,
-        answer: Result<PeerCertificate, HandshakeError>,
-    ) {
+    fn tell_peer(&mut self, user: &LinkUser, endpoint: &str, certificate: &PeerCertificate) {
         let of = user.of.as_str();
-        let Ok(PeerCertificate { name, end }) = &answer else {
-            return self.tell(of, answer, |_| String::new());
-        };
+        let PeerCertificate { name, end } = certificate;
         let is_router = user.router.iter().any(|one| one == endpoint);
         let words = name
             .as_deref()
