@@ -1,11 +1,12 @@
 //! Checks the files of mutual TLS before a session uses them, as the other side of a connection will, so that an error names
 //! the file and what to do. Reads files.
 
+use std::fs::{self, File};
+use std::io::{self, Read as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::{fs, io};
 
 use rcc_config::link::TlsFiles;
 use rustls::client::danger::ServerCertVerifier as _;
@@ -262,6 +263,18 @@ impl OwnCertificate {
         }
     }
 
+    /// Returns true if it names any address.
+    #[must_use]
+    pub fn names_addresses(&self) -> bool {
+        let own = self.chain.first();
+        let read = own.and_then(|own| X509Certificate::from_der(own).ok());
+        let names = read.and_then(|(_, own)| {
+            let names = own.subject_alternative_name().ok().flatten()?;
+            Some(!names.value.general_names.is_empty())
+        });
+        names.unwrap_or(false)
+    }
+
     fn verified_at(&self, name: &ServerName<'_>) -> Result<(), rustls::Error> {
         let authority = Arc::clone(&self.authority);
         let verifier = WebPkiServerVerifier::builder_with_provider(authority, provider())
@@ -391,7 +404,10 @@ fn text(path: &Path) -> Result<Vec<u8>, CertificateError> {
                 about.len()
             )));
         }
-        fs::read(path)
+        // Some files of the system have no length.
+        let mut text = Vec::new();
+        File::open(path)?.take(BYTES_MAX).read_to_end(&mut text)?;
+        Ok(text)
     });
     read.map_err(|cause| CertificateError::Read { file, cause })
 }

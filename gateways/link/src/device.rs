@@ -22,8 +22,9 @@ use zenoh::{Session, Wait};
 use crate::access::Role;
 use crate::keys::CellKeys;
 use crate::named::is_named;
-use crate::session::{self, Identity, SessionError};
-use channels::{LinkChannel, link_channels};
+use crate::session::{self, Identity, SessionError, has_no_port};
+use channels::LinkChannel;
+pub(crate) use channels::link_channels;
 use inbox::{ChannelState, Inbox};
 
 mod channels;
@@ -113,10 +114,13 @@ struct SharedLink {
 impl Driver for LinkDevice {
     fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
         let settings = LinkSettings::read(device)?;
-        if device.robot.is_some() {
-            return Err(DriverError::Robot {
+        let endpoints = [&settings.listen, &settings.connect, &settings.router];
+        if let Some(endpoint) = endpoints.into_iter().flatten().find(|it| has_no_port(it)) {
+            return Err(DriverError::Setting {
                 device: device.name.clone(),
-                cause: "topics of another cell move no arm: remove `robot`",
+                key: "connect, listen or router".to_owned(),
+                cause: format!("`{endpoint}` has no port"),
+                expected: "a number from 1 to 65535, which the other side has, too",
             });
         }
         let inbox = Arc::new(Inbox::new(link_channels(device)?));
@@ -211,6 +215,12 @@ impl LinkSettings {
     /// # Errors
     /// Returns what is wrong, with the path of the key and the expected value.
     pub fn read(device: &DeviceConfig) -> Result<LinkSettings, DriverError> {
+        if device.robot.is_some() {
+            return Err(DriverError::Robot {
+                device: device.name.clone(),
+                cause: "topics of another cell move no arm: remove `robot`",
+            });
+        }
         let mut settings = Settings::of(device);
         let peer = settings.read(
             "peer",

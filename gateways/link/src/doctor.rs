@@ -11,9 +11,10 @@ use rcc_driver_kit::driver::DriverError;
 use serde::Serialize;
 
 use crate::certificate::{CertificateEnd, CertificateError, OwnCertificate};
-use crate::device::{DEVICE_PROGRAM, LinkSettings};
+use crate::device::{DEVICE_PROGRAM, LinkSettings, link_channels};
 use crate::handshake::{HandshakeError, PeerCertificate, answers, host, peer_certificate};
 use crate::rights::CellRights;
+use crate::session::has_no_port;
 
 /// A certificate that ends sooner is worth a word, s.
 const SOON_S: i64 = 30 * 24 * 3600;
@@ -93,12 +94,6 @@ pub fn verify(config: &CellConfig, cell: &str, now_s: i64) -> Vec<LinkFinding> {
     findings.all
 }
 
-/// Returns true for an endpoint whose port is open: another one at each start, which no peer knows.
-#[must_use]
-pub fn has_no_port(endpoint: &str) -> bool {
-    endpoint.ends_with(":0")
-}
-
 fn gateway(cell: &str, link: &LinkConfig) -> LinkUser {
     LinkUser {
         of: "link".to_owned(),
@@ -127,6 +122,7 @@ fn device_user(device: &DeviceConfig) -> Result<LinkUser, DriverError> {
         tls,
         ..
     } = LinkSettings::read(device)?;
+    link_channels(device)?;
     Ok(LinkUser {
         of: device.name.clone(),
         name: None,
@@ -179,13 +175,26 @@ impl Findings {
         if let Some(own) = &own {
             self.verify_own(user, own);
         }
+        let endpoints = user.listen.iter().chain(&user.connect).chain(&user.router);
+        for endpoint in endpoints.filter(|endpoint| has_no_port(endpoint)) {
+            // The cell may give it a number when it starts.
+            let what = format!(
+                "{endpoint}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
+            );
+            self.add(FindingLevel::Warn, of, what);
+        }
         for endpoint in &user.listen {
             self.verify_address(user, endpoint, own.as_ref());
         }
-        for endpoint in user.connect.iter().chain(&user.router) {
+        let with_port = |endpoint: &&String| !has_no_port(endpoint);
+        for endpoint in user.connect.iter().chain(&user.router).filter(with_port) {
             let answered = match &own {
                 None => answers(endpoint).map(|()| {
-                    self.add(FindingLevel::Ok, of, format!("{endpoint} answers"));
+                    self.add(
+                        FindingLevel::Ok,
+                        of,
+                        format!("{endpoint} accepts connections"),
+                    );
                 }),
                 Some(own) => peer_certificate(endpoint, own)
                     .map(|certificate| self.tell_peer(user, endpoint, &certificate)),
@@ -258,12 +267,6 @@ impl Findings {
                 ),
             );
         }
-        if has_no_port(endpoint) {
-            let what = format!(
-                "{endpoint}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
-            );
-            self.fail(of, what);
-        }
         let Some(own) = own else {
             return;
         };
@@ -281,7 +284,11 @@ impl Findings {
             let what = format!(
                 "{endpoint} is every address of this machine: {file} must name each at which others connect (subjectAltName)"
             );
-            self.add(FindingLevel::Note, of, what);
+            let level = match own.names_addresses() {
+                true => FindingLevel::Note,
+                false => FindingLevel::Fail,
+            };
+            self.add(level, of, what);
         } else if let Err(missing) = own.is_at(&host) {
             let what = format!(
                 "{file} is not for {host}, at which others connect: sign it with subjectAltName={missing}"
@@ -317,10 +324,19 @@ impl Findings {
                 format!("{words} answers at {endpoint}"),
             ),
         }
-        if let Some(end) = end.as_ref().filter(|end| self.is_soon(end)) {
-            let until = &end.words;
-            let what = format!("the certificate at {endpoint} ends at {until}: renew it there");
-            self.add(FindingLevel::Warn, of, what);
+        let until = end.as_ref().map_or("", |end| end.words.as_str());
+        match end {
+            Some(end) if end.at_s <= self.now_s => {
+                let what = format!(
+                    "a certificate in the file of {endpoint} has ended, {until}, and connections end with it: remove or renew it there"
+                );
+                self.fail(of, what);
+            }
+            Some(end) if self.is_soon(end) => {
+                let what = format!("the certificate at {endpoint} ends at {until}: renew it there");
+                self.add(FindingLevel::Warn, of, what);
+            }
+            _ => {}
         }
     }
 

@@ -67,12 +67,19 @@ impl CellRights {
                 format!("configure: [{peer}]"),
             ),
         };
-        let changes = named(&self.deploy) || named(&self.configure);
-        let words = || match operation {
-            Operation::Start if changes => {
+        // A peer has either the right to start or those to change.
+        let (starts, changes) = (
+            self.start.contains_key(peer),
+            named(&self.deploy) || named(&self.configure),
+        );
+        let words = || match (operation, starts, changes) {
+            (Operation::Start, _, true) => {
                 format!(
                     "{peer} must not {asked}: it may change what is started here, and nobody may do both"
                 )
+            }
+            (Operation::Deploy(_), true, _) => {
+                format!("{peer} must not {asked}: it may start nets here, and nobody may do both")
             }
             _ => format!(
                 "{peer} must not {asked}: the cell's configuration allows it by `link: {{{key}}}`"
@@ -134,11 +141,13 @@ mod tests {
         ] {
             let operation = Operation::Deploy(step);
             assert_eq!(refusal("lab/office", operation, "line"), None);
-            let words = refusal("lab/feeder", operation, "line").expect("refused");
+            let words = refusal("lab/visitor", operation, "line").expect("refused");
             assert!(
-                words.contains(&format!("{{{key}: [lab/feeder]}}")),
+                words.contains(&format!("{{{key}: [lab/visitor]}}")),
                 "{words}"
             );
+            let both = refusal("lab/feeder", operation, "line").expect("refused");
+            assert!(both.ends_with("and nobody may do both"), "{both}");
         }
         let both = refusal("lab/office", Operation::Start, "line").expect("refused");
         assert!(both.ends_with("and nobody may do both"), "{both}");

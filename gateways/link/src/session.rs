@@ -134,6 +134,13 @@ fn opened(config: Config) -> Result<Session, SessionError> {
         .map_err(|error| SessionError::Open(error.to_string()))
 }
 
+/// Returns true for an endpoint whose port is open: another one at each start, which no peer knows.
+#[must_use]
+pub fn has_no_port(endpoint: &str) -> bool {
+    let port = endpoint.rsplit_once(':');
+    port.is_some_and(|(_, port)| port.parse() == Ok(0_u16))
+}
+
 /// Checks that all endpoints are `tls/…` with certificates, and none without.
 ///
 /// # Errors

@@ -11,7 +11,7 @@ use crate::keys::is_topic;
 
 /// An input and its topic.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct LinkChannel {
+pub(crate) struct LinkChannel {
     /// Name of the channel.
     pub name: String,
     /// Digital or analog input.
@@ -30,7 +30,7 @@ const ADDRESS: &str =
     "a topic of the other cell, such as `door/open`, or an element of one, such as `arm/joints[2]`";
 
 /// Returns the channels of a device.
-pub(super) fn link_channels(device: &DeviceConfig) -> Result<Vec<LinkChannel>, DriverError> {
+pub(crate) fn link_channels(device: &DeviceConfig) -> Result<Vec<LinkChannel>, DriverError> {
     if device.channels.is_empty() {
         return Err(DriverError::Setting {
             device: device.name.clone(),

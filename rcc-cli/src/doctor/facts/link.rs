@@ -32,7 +32,14 @@ pub fn read(selected: &SelectedCell) -> Vec<HealthFinding> {
     if config.link.is_none() && !devices.any(|device| is_link(device.driver.to_string())) {
         return Vec::new();
     }
-    let again = format!("rcc-link doctor --config {}", file.display());
+    let ports = ports.iter();
+    let ports: Vec<String> = ports
+        .map(|(name, number)| format!("--port={name}={number}"))
+        .collect();
+    let again = ["rcc-link", "--cell", &config.name, "doctor", "--config"].map(str::to_owned);
+    let again = [&again[..], &[file.display().to_string()], &ports]
+        .concat()
+        .join(" ");
     let not_verified = |reason: &str, fix: String| {
         let what = format!("the link to other cells is not verified: {reason}");
         vec![HealthFinding::warn(what, fix)]
@@ -46,9 +53,6 @@ pub fn read(selected: &SelectedCell) -> Vec<HealthFinding> {
     };
     let mut command = Command::new(&program);
     let command = command.args(["--cell", &config.name, "doctor", "--json", "--config"]);
-    let ports = ports
-        .iter()
-        .map(|(name, number)| format!("--port={name}={number}"));
     let output = match command
         .arg(file)
         .args(ports)

@@ -1,6 +1,8 @@
 //! Stages for a device whose inputs are topics of another cell (`rcc-link-device`): connection, certificate, cell, topics. Pure
 //! functions of the facts.
 
+use rcc_core::printable::OneLine;
+
 use super::plain::{quality, settings};
 use super::{LinkFacts, LinkStage, configuration, driver};
 use crate::doctor::HealthFinding;
@@ -63,7 +65,8 @@ fn certificate(facts: &LinkFacts) -> Option<HealthFinding> {
     }
     let names = match names.is_empty() {
         true => "without a common name".to_owned(),
-        false => format!("of {}", names.join(", ")),
+        // They are what others have written.
+        false => format!("of {}", OneLine(&names.join(", "))),
     };
     let what = format!("connected, but to a certificate {names}: what it sends is dropped");
     let fix = format!(
@@ -169,6 +172,16 @@ mod tests {
             assert_eq!(report.failed, failed, "{report:?}");
             assert!(report.human().contains(words), "{}", report.human());
         }
+    }
+
+    #[test]
+    fn a_name_from_a_certificate_makes_no_line_of_its_own() {
+        let files = json!({"authority": "/a", "certificate": "/c", "key": "/k"});
+        let forged = link(1, &["lab/x\nok    press: fine"], true, ["a value"; 2]);
+        let report = report(files, forged);
+        let found = report.findings.last().expect("a finding");
+        assert_eq!(report.failed, Some("certificate"));
+        assert!(!found.what.contains('\n'), "{}", found.what);
     }
 
     #[test]

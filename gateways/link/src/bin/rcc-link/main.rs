@@ -17,10 +17,11 @@ use rcc_config::ports::PortArgument;
 use rcc_core::printable::Printable;
 use rcc_link::certificate::CertificateError;
 use rcc_link::deploy::DeployError;
-use rcc_link::doctor::{self, FindingLevel, LinkFinding, has_no_port};
+use rcc_link::doctor::{self, FindingLevel, LinkFinding};
 use rcc_link::fleet::{self, CellMessage, CellRequest, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
 use rcc_link::keys::{CellKeys, Operation, is_topic};
+use rcc_link::session::has_no_port;
 use rcc_process::Stop;
 use rcc_process::oom::{SCORE_OBSERVER, raise_score};
 use serde_json::json;
@@ -229,7 +230,7 @@ enum LinkError {
     Deploy(#[from] DeployError),
     #[error("{0} of the nets are still there")]
     NotWithdrawn(usize),
-    #[error("no cell of the site `{0}` answers: `rcc-link cells` lists those that are there")]
+    #[error("no cell of the site `{0}` answers: `rcc-link top` lists those that are there")]
     NoCell(String),
     #[error("{0} has neither `link:` nor a device of rcc-link-device: there is nothing to verify")]
     NothingToVerify(String),
@@ -255,7 +256,9 @@ fn run(Arguments { cell, what }: Arguments) -> Result<(), LinkError> {
             let session = reach.session()?;
             let cells = fleet::cells(&session, &site)?;
             if cells.is_empty() {
-                rcc_process::remark(&format!("no cell of the site `{site}` is there"));
+                rcc_process::remark(&format!(
+                    "no cell of the site `{site}` has an executor or tells its status; `rcc-link top` lists those without, too"
+                ));
             }
             for (name, cell) in cells {
                 rcc_process::say(&row(&name, &cell));
@@ -422,7 +425,8 @@ fn serve(cell: Option<String>, file: &CellFile, parent_death: bool) -> Result<()
     if link.listen.is_empty() && link.connect.is_empty() && link.router.is_empty() {
         return Err(LinkError::Nobody(file));
     }
-    if let Some(endpoint) = link.listen.iter().find(|endpoint| has_no_port(endpoint)) {
+    let mut endpoints = link.listen.iter().chain(&link.connect).chain(&link.router);
+    if let Some(endpoint) = endpoints.find(|endpoint| has_no_port(endpoint)) {
         return Err(LinkError::NoPort(endpoint.clone()));
     }
     let stop = stop_at(signals)?;
