@@ -3,7 +3,8 @@
 //!
 //! [`facts`] are read once, [`checks`] are pure functions of them, and [`measure`] is the only part that takes time.
 
-use serde::{Deserialize, Serialize};
+pub use rcc_api::findings::FindingLevel;
+use serde::Serialize;
 
 pub mod checks;
 pub mod clean;
@@ -17,33 +18,6 @@ pub mod record;
 pub mod report;
 pub mod requirements;
 pub mod trial;
-
-/// Severity of a finding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum FindingLevel {
-    /// As it should be.
-    Ok,
-    /// Worth knowing, but not a problem.
-    Note,
-    /// Works, but worse than possible.
-    Warn,
-    /// Prevents cells from running.
-    Fail,
-}
-
-impl FindingLevel {
-    /// Returns the word printed before a finding.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            FindingLevel::Ok => "ok",
-            FindingLevel::Note => "note",
-            FindingLevel::Warn => "WARN",
-            FindingLevel::Fail => "FAIL",
-        }
-    }
-}
 
 /// Result of one check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

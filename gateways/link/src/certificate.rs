@@ -94,7 +94,7 @@ pub enum CertificateError {
     },
     /// A file holds no private key.
     #[error(
-        "{file} is no private key: a PEM file with `BEGIN PRIVATE KEY` is expected, not encrypted"
+        "{file} does not contain a private key: expected an unencrypted PEM file with `BEGIN PRIVATE KEY`"
     )]
     NoKey {
         /// The file.
@@ -196,7 +196,7 @@ impl OwnCertificate {
     /// Returns the common name, by which others know this process.
     ///
     /// # Errors
-    /// Fails if there is none.
+    /// Fails if the certificate has no common name.
     pub fn name(&self) -> Result<&str, CertificateError> {
         self.name
             .as_deref()
@@ -396,7 +396,7 @@ fn text(path: &Path) -> Result<Vec<u8>, CertificateError> {
     let file = path.display().to_string();
     let read = fs::metadata(path).and_then(|about| {
         if !about.is_file() {
-            return Err(io::Error::other("is no regular file"));
+            return Err(io::Error::other("is not a regular file"));
         }
         if about.len() > BYTES_MAX {
             return Err(io::Error::other(format!(

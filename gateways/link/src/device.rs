@@ -2,7 +2,7 @@
 //! `expires` is null. Run by the host's exchange thread; Zenoh's threads fill the [`Inbox`].
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -22,16 +22,13 @@ use zenoh::{Session, Wait};
 use crate::access::Role;
 use crate::keys::CellKeys;
 use crate::named::is_named;
-use crate::session::{self, Identity, SessionError, has_no_port};
+use crate::session::{self, Connections, Identity, SessionError, has_port};
 use channels::LinkChannel;
 pub(crate) use channels::link_channels;
 use inbox::{ChannelState, Inbox};
 
 mod channels;
 mod inbox;
-
-/// Name of the program.
-pub const DEVICE_PROGRAM: &str = "rcc-link-device";
 
 /// Nothing is connected.
 pub const NO_CONNECTION: u32 = 100;
@@ -106,8 +103,8 @@ struct SharedLink {
     alive: Arc<AtomicUsize>,
     /// Connections, as of the last look. No other memory depends on it.
     connections: AtomicUsize,
-    /// With TLS, those with the certificate of the other cell, as of the last look. No other memory depends on it.
-    named: AtomicUsize,
+    /// With TLS, one of them has the certificate of the other cell. No other memory depends on it.
+    named: AtomicBool,
     has_tls: bool,
 }
 
@@ -115,13 +112,13 @@ impl Driver for LinkDevice {
     fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
         let settings = LinkSettings::read(device)?;
         let endpoints = [&settings.listen, &settings.connect, &settings.router];
-        if let Some(endpoint) = endpoints.into_iter().flatten().find(|it| has_no_port(it)) {
-            return Err(DriverError::Setting {
+        for endpoint in endpoints.into_iter().flatten() {
+            has_port(endpoint).map_err(|error| DriverError::Setting {
                 device: device.name.clone(),
                 key: "connect, listen or router".to_owned(),
-                cause: format!("`{endpoint}` has no port"),
-                expected: "a number from 1 to 65535, which the other side has, too",
-            });
+                cause: error.to_string(),
+                expected: "a number from 1 to 65535",
+            })?;
         }
         let inbox = Arc::new(Inbox::new(link_channels(device)?));
         let opened = SharedLink::open(&settings, &inbox);
@@ -339,7 +336,7 @@ impl SharedLink {
             expires_ns: settings.expires_ns,
             alive: Arc::new(AtomicUsize::new(0)),
             connections: AtomicUsize::new(0),
-            named: AtomicUsize::new(0),
+            named: AtomicBool::new(false),
             has_tls: tls.is_some(),
         });
         if router.is_empty() {
@@ -402,7 +399,7 @@ impl SharedLink {
             ChannelState::Fresh => 0,
             ChannelState::OtherKind => OTHER_KIND,
             _ if self.connections.load(Ordering::Relaxed) == 0 => NO_CONNECTION,
-            _ if self.has_tls && self.named.load(Ordering::Relaxed) == 0 => OTHER_NAME,
+            _ if self.has_tls && !self.named.load(Ordering::Relaxed) => OTHER_NAME,
             _ if self.alive.load(Ordering::Relaxed) == 0 => NO_CELL,
             ChannelState::Never => NO_TOPIC,
             ChannelState::Stale => STALE,
@@ -413,16 +410,14 @@ impl SharedLink {
 impl LinkDiagnosis for SharedLink {
     fn link(&self) -> Value {
         let session = self.session.get();
-        // In this order: a connection that is made meanwhile has its name.
-        let connections = session.map_or(0, session::connections);
-        let names = session.map_or_else(Vec::new, session::neighbours);
-        let named = names.iter().filter(|name| **name == self.peer).count();
+        let Connections { count, names } = session.map(session::connections).unwrap_or_default();
+        let named = names.contains(&self.peer);
         self.named.store(named, Ordering::Relaxed);
-        self.connections.store(connections, Ordering::Relaxed);
+        self.connections.store(count, Ordering::Relaxed);
         let now_ns = self.inbox.now_ns();
         json!({
             "peer": self.peer,
-            "connections": connections,
+            "connections": count,
             "names": names,
             "peer_is_alive": self.alive.load(Ordering::Relaxed) > 0,
             "expires_ms": self.expires_ns as f64 * 1e-6,

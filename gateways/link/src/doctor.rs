@@ -4,58 +4,20 @@
 
 use std::net::{IpAddr, TcpListener};
 
-use rcc_config::link::{LinkConfig, TlsFiles, is_cell_key};
-use rcc_config::{CellConfig, DeviceConfig, DriverConfig};
+use rcc_api::findings::{FindingLevel, LinkFinding};
+use rcc_config::link::{LinkConfig, TlsFiles, is_cell_key, is_link_device};
+use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::printable::OneLine;
 use rcc_driver_kit::driver::DriverError;
-use serde::Serialize;
 
 use crate::certificate::{CertificateEnd, CertificateError, OwnCertificate};
-use crate::device::{DEVICE_PROGRAM, LinkSettings, link_channels};
+use crate::device::{LinkSettings, link_channels};
 use crate::handshake::{HandshakeError, PeerCertificate, answers, host, peer_certificate};
 use crate::rights::CellRights;
-use crate::session::has_no_port;
+use crate::session::has_port;
 
 /// A certificate that ends sooner is worth a word, s.
 const SOON_S: i64 = 30 * 24 * 3600;
-
-/// Severity of a finding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum FindingLevel {
-    /// As it should be.
-    Ok,
-    /// Worth knowing.
-    Note,
-    /// Works now, or not yet.
-    Warn,
-    /// Cannot work.
-    Fail,
-}
-
-impl FindingLevel {
-    /// Returns the word before a finding.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            FindingLevel::Ok => "ok  ",
-            FindingLevel::Note => "note",
-            FindingLevel::Warn => "WARN",
-            FindingLevel::Fail => "FAIL",
-        }
-    }
-}
-
-/// What was found, with what to do.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct LinkFinding {
-    /// Severity.
-    pub level: FindingLevel,
-    /// `link`, or the name of a device.
-    pub of: String,
-    /// In words.
-    pub what: String,
-}
 
 /// One who uses the link: the gateway of a cell, or a device.
 struct LinkUser {
@@ -82,7 +44,11 @@ pub fn verify(config: &CellConfig, cell: &str, now_s: i64) -> Vec<LinkFinding> {
     if let Some(link) = &config.link {
         findings.verify(&gateway(cell, link));
     }
-    for device in config.devices.iter().filter(|device| is_link(device)) {
+    for device in config
+        .devices
+        .iter()
+        .filter(|device| is_link_device(&device.driver))
+    {
         match device_user(device) {
             Ok(user) => findings.verify(&user),
             Err(error) => findings.fail(&device.name, error.to_string()),
@@ -103,13 +69,6 @@ fn gateway(cell: &str, link: &LinkConfig) -> LinkUser {
         connect: link.connect.clone(),
         router: link.router.clone(),
         tls: link.tls.clone(),
-    }
-}
-
-fn is_link(device: &DeviceConfig) -> bool {
-    match &device.driver {
-        DriverConfig::Program(own) => own.program.rsplit('/').next() == Some(DEVICE_PROGRAM),
-        DriverConfig::Name(_) => false,
     }
 }
 
@@ -176,17 +135,14 @@ impl Findings {
             self.verify_own(user, own);
         }
         let endpoints = user.listen.iter().chain(&user.connect).chain(&user.router);
-        for endpoint in endpoints.filter(|endpoint| has_no_port(endpoint)) {
+        for error in endpoints.filter_map(|endpoint| has_port(endpoint).err()) {
             // The cell may give it a number when it starts.
-            let what = format!(
-                "{endpoint}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
-            );
-            self.add(FindingLevel::Warn, of, what);
+            self.add(FindingLevel::Warn, of, error.to_string());
         }
         for endpoint in &user.listen {
             self.verify_address(user, endpoint, own.as_ref());
         }
-        let with_port = |endpoint: &&String| !has_no_port(endpoint);
+        let with_port = |endpoint: &&String| has_port(endpoint).is_ok();
         for endpoint in user.connect.iter().chain(&user.router).filter(with_port) {
             let answered = match &own {
                 None => answers(endpoint).map(|()| {

@@ -120,7 +120,7 @@ pub fn connect(endpoints: &[String], tls: Option<&TlsFiles>) -> Result<Session, 
     let role = Role::Operator;
     let identity = tls.map(|files| Identity { files, role });
     let session = session::open(&[], endpoints, identity)?;
-    let connected = || session::connections(&session);
+    let connected = || session::connections(&session).count;
     // A connection has no event of its own.
     let await_count = |count, until| {
         while connected() < count && Instant::now() < until {
@@ -329,7 +329,7 @@ impl CellRequest<'_> {
         })
     }
 
-    /// Sends the request and returns the answer of the cell. If there is none, the cell is asked whether it would have allowed it.
+    /// Sends the request and returns the answer of the cell. If the request times out, asks for the rights of the peer to explain why.
     ///
     /// # Errors
     /// Fails if the cell refuses, or does not answer.

@@ -37,7 +37,7 @@ pub enum HandshakeError {
         /// Why.
         cause: String,
     },
-    /// What answers does not speak TLS.
+    /// The server does not speak TLS 1.3.
     #[error(
         "{endpoint} does not answer as TLS 1.3 does ({cause}): its `link` has no `tls`, or something else listens there"
     )]
@@ -107,7 +107,7 @@ pub fn answers(endpoint: &str) -> Result<(), HandshakeError> {
 /// Returns the certificate at `tls/HOST:PORT`, once both sides have accepted each other's.
 ///
 /// # Errors
-/// Fails with the reason why there is no connection.
+/// Fails if the connection or the TLS handshake fails, or if either side rejects the certificate of the other.
 pub fn peer_certificate(
     endpoint: &str,
     own: &OwnCertificate,

@@ -1,5 +1,5 @@
-//! What a cell lets its peers do, as it tells everybody who asks: access control drops what it does not allow, and a dropped
-//! request has no words. JSON. Pure.
+//! The rights of a cell's peers (START, deploy, configure), published as JSON: access control drops a request without a reply, so the
+//! peer reads here which right is missing. Pure.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::keys::{DeployStep, Operation};
 
-/// What others may do with a cell, besides reading and CANCEL.
+/// Rights of other cells and people on a cell; reading and CANCEL are always allowed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CellRights {

@@ -33,6 +33,11 @@ pub enum SessionError {
         "`{0}`: with certificates every endpoint is `tls/HOST:PORT`, without them `tcp/HOST:PORT`"
     )]
     Protocol(String),
+    /// An endpoint has no port number.
+    #[error(
+        "{0}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
+    )]
+    NoPort(String),
     /// The certificate of a router could be taken for that of a cell.
     #[error(
         "`{0}` is the name of a cell or person: give a router a certificate with another common name, such as `router-1`"
@@ -58,21 +63,25 @@ pub struct Identity<'a> {
     pub role: Role<'a>,
 }
 
-/// Number of processes and routers that a session is connected to.
-#[must_use]
-pub fn connections(session: &Session) -> usize {
-    let info = session.info();
-    info.peers_zid().wait().count() + info.routers_zid().wait().count()
+/// The processes and routers that a session is connected to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Connections {
+    /// Their number.
+    pub count: usize,
+    /// The common names of their certificates.
+    pub names: BTreeSet<String>,
 }
 
-/// Returns the common names of the certificates that the other ends of a session's connections have shown.
+/// Returns the connections of a session, number and names of the same moment.
 #[must_use]
-pub fn neighbours(session: &Session) -> Vec<String> {
-    let links = session.info().links().wait();
-    let names: BTreeSet<String> = links
-        .filter_map(|link| link.auth_identifier().map(str::to_owned))
-        .collect();
-    names.into_iter().collect()
+pub fn connections(session: &Session) -> Connections {
+    let (mut ids, mut names) = (BTreeSet::new(), BTreeSet::new());
+    for link in session.info().links().wait() {
+        ids.insert(link.zid().to_string());
+        names.extend(link.auth_identifier().map(str::to_owned));
+    }
+    let count = ids.len();
+    Connections { count, names }
 }
 
 /// Opens a session that listens at and connects to these endpoints, and connects again for ever; with an identity by mutual
@@ -134,11 +143,16 @@ fn opened(config: Config) -> Result<Session, SessionError> {
         .map_err(|error| SessionError::Open(error.to_string()))
 }
 
-/// Returns true for an endpoint whose port is open: another one at each start, which no peer knows.
-#[must_use]
-pub fn has_no_port(endpoint: &str) -> bool {
+/// Checks that an endpoint has a port number: an open port is another one at each start, which no peer knows.
+///
+/// # Errors
+/// Fails if it is 0.
+pub fn has_port(endpoint: &str) -> Result<(), SessionError> {
     let port = endpoint.rsplit_once(':');
-    port.is_some_and(|(_, port)| port.parse() == Ok(0_u16))
+    match port.is_some_and(|(_, port)| port.parse() == Ok(0_u16)) {
+        false => Ok(()),
+        true => Err(SessionError::NoPort(endpoint.to_owned())),
+    }
 }
 
 /// Checks that all endpoints are `tls/…` with certificates, and none without.

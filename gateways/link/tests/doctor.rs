@@ -9,10 +9,11 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
+use rcc_api::findings::{FindingLevel, LinkFinding};
 use rcc_config::CellConfig;
 use rcc_config::link::TlsFiles;
 use rcc_link::access::Role;
-use rcc_link::doctor::{FindingLevel, LinkFinding, verify};
+use rcc_link::doctor::verify;
 use rcc_link::session::{self, Identity};
 use rcgen::{ExtendedKeyUsagePurpose, SanType};
 use rustls::pki_types::pem::PemObject as _;
@@ -44,7 +45,7 @@ fn yaml(files: &TlsFiles) -> String {
     format!("{{authority: {authority}, certificate: {certificate}, key: {key}}}")
 }
 
-/// What is found in the cell `feeder` of the site `lab` with this link and these settings of a device.
+/// Verifies the cell `feeder` of the site `lab` with this link and these settings of a device.
 fn found_at(link: &str, device: &str, now_s: i64) -> Vec<LinkFinding> {
     let link = match link {
         "" => String::new(),
@@ -62,7 +63,7 @@ fn found_at(link: &str, device: &str, now_s: i64) -> Vec<LinkFinding> {
     )
 }
 
-/// What is found of a device that connects to `endpoint`.
+/// Verifies a device that connects to `endpoint`.
 fn found(endpoint: &str, files: &TlsFiles) -> Vec<LinkFinding> {
     let tls = yaml(files);
     let settings = format!("{{peer: {PEER}, connect: [\"{endpoint}\"], tls: {tls}}}");
@@ -228,7 +229,7 @@ fn files_are_judged_as_the_other_side_would() {
     has(
         &found(&nobody, &no_key),
         FindingLevel::Fail,
-        "is no private key",
+        "does not contain a private key",
     );
     let missing = TlsFiles {
         authority: "/no/such.pem".into(),
@@ -459,7 +460,7 @@ fn what_has_no_end_and_what_pretends_is_told() {
         has(
             &found(&free_endpoint(), &endless),
             FindingLevel::Fail,
-            "is no regular file",
+            "is not a regular file",
         );
     }
     let slow = TcpListener::bind("127.0.0.1:0").expect("a port");

@@ -1,6 +1,7 @@
 //! Diagnosis of a device connection, stage by stage, from the configuration to the device's own state. Run by the main
 //! thread; stages are functions of facts, and the report ends with the first failed stage.
 
+use rcc_config::link::is_link_program;
 use serde::Serialize;
 
 use super::driver_status::{DriverStatus, LinkHistory};
@@ -111,13 +112,11 @@ impl LinkReport {
     /// Runs the stages for the driver.
     #[must_use]
     pub fn of(facts: &LinkFacts) -> LinkReport {
-        // A driver of its own is named by its program, with or without a folder.
-        let name = facts.driver.rsplit('/').next().unwrap_or_default();
-        let stages: &[LinkStage] = match name {
+        let stages: &[LinkStage] = match facts.driver.as_str() {
             "ethercat" => ethercat::STAGES,
             "fri-lwr" => fri::STAGES,
             "fri-iiwa" => iiwa::STAGES,
-            peer::PROGRAM => peer::STAGES,
+            driver if is_link_program(driver) => peer::STAGES,
             _ => plain::STAGES,
         };
         let mut findings = Vec::new();

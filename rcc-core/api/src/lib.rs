@@ -11,6 +11,7 @@ pub mod compile;
 pub mod conditions;
 pub mod error;
 pub mod events;
+pub mod findings;
 pub mod incident_nets;
 pub mod incidents;
 pub mod manual;

@@ -8,6 +8,7 @@ use rcc_core::unit::Unit;
 
 use crate::codes;
 use crate::diagnostic::Span;
+use crate::driver::DriverConfig;
 use crate::ports;
 use crate::reader::{CELL_NAME, ConfigReader, Fields, NameRule, QuantityRange, error};
 use crate::yaml::{Entry, Node};
@@ -78,6 +79,21 @@ pub struct TlsFiles {
     pub certificate: PathBuf,
     /// Its private key.
     pub key: PathBuf,
+}
+
+/// Program of a driver whose inputs are topics of another cell.
+pub const LINK_DEVICE: &str = "rcc-link-device";
+
+/// Returns true for the program [`LINK_DEVICE`], with or without its folder.
+#[must_use]
+pub fn is_link_program(program: &str) -> bool {
+    program.rsplit('/').next() == Some(LINK_DEVICE)
+}
+
+/// Returns true for the driver of a device whose inputs are topics of another cell.
+#[must_use]
+pub fn is_link_device(driver: &DriverConfig) -> bool {
+    matches!(driver, DriverConfig::Program(own) if is_link_program(&own.program))
 }
 
 /// Reads the key `link` of a cell; `None` inside: the cell has none.

@@ -8,6 +8,28 @@ use rcc_config::ports::PortArgument;
 
 use crate::exit::ExitError;
 
+/// Numbers of the ports that a configuration leaves open.
+#[derive(Clone, Debug, clap::Args)]
+pub struct PortArguments {
+    /// Number of a port that the configuration leaves open
+    #[arg(
+        long = "port",
+        env = "RCC_PORTS",
+        value_name = "NAME=NUMBER",
+        value_delimiter = ','
+    )]
+    ports: Vec<PortArgument>,
+}
+
+impl PortArguments {
+    /// Returns the numbers by name.
+    #[must_use]
+    pub fn chosen(&self) -> BTreeMap<String, u16> {
+        let ports = self.ports.iter();
+        ports.map(|port| (port.name.clone(), port.number)).collect()
+    }
+}
+
 /// Cell and configuration, to be flattened into a program's own arguments.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CellArguments {
@@ -17,14 +39,9 @@ pub struct CellArguments {
     /// Configuration of the cell
     #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
     pub config: PathBuf,
-    /// Number of a port that the configuration leaves open
-    #[arg(
-        long = "port",
-        env = "RCC_PORTS",
-        value_name = "NAME=NUMBER",
-        value_delimiter = ','
-    )]
-    pub ports: Vec<PortArgument>,
+    /// Ports that the configuration leaves open
+    #[command(flatten)]
+    pub ports: PortArguments,
     /// End when the parent process dies
     #[arg(long)]
     pub parent_death: bool,
@@ -43,8 +60,7 @@ impl CellArguments {
     /// Returns the ports given on the command line, by name.
     #[must_use]
     pub fn chosen_ports(&self) -> BTreeMap<String, u16> {
-        let ports = self.ports.iter();
-        ports.map(|port| (port.name.clone(), port.number)).collect()
+        self.ports.chosen()
     }
 }
 
@@ -69,7 +85,7 @@ mod tests {
             "--port",
             "z=3",
         ];
-        let ports = Program::parse_from(given).cell.ports;
+        let ports = Program::parse_from(given).cell.ports.ports;
         let names: Vec<_> = ports
             .iter()
             .map(|port| (&*port.name, port.number))

@@ -2,8 +2,9 @@
 
 use std::process::ExitCode;
 
-use rcc_link::device::{DEVICE_PROGRAM, LinkDevice, REASONS};
+use rcc_config::link::LINK_DEVICE;
+use rcc_link::device::{LinkDevice, REASONS};
 
 fn main() -> ExitCode {
-    rcc_driver_kit::program::<LinkDevice>(DEVICE_PROGRAM, REASONS)
+    rcc_driver_kit::program::<LinkDevice>(LINK_DEVICE, REASONS)
 }

@@ -2,20 +2,12 @@
 
 use std::process::Command;
 
-use serde::Deserialize;
+use rcc_api::findings::LinkFinding;
+use rcc_config::link::is_link_device;
 
-use crate::doctor::link::peer::PROGRAM;
 use crate::doctor::requirements::SelectedCell;
 use crate::doctor::{FindingLevel, HealthFinding};
 use crate::supervisor::paths;
-
-/// A finding of `rcc-link doctor --json`.
-#[derive(Deserialize)]
-struct LinkFinding {
-    level: FindingLevel,
-    of: String,
-    what: String,
-}
 
 /// Verifies the link of a cell and its link devices; no findings for a cell without them, and a warning if `rcc-link` is not there or
 /// gives no findings.
@@ -27,9 +19,8 @@ pub fn read(selected: &SelectedCell) -> Vec<HealthFinding> {
         ports,
         ..
     } = selected;
-    let is_link = |driver: String| driver.rsplit('/').next() == Some(PROGRAM);
     let mut devices = config.devices.iter();
-    if config.link.is_none() && !devices.any(|device| is_link(device.driver.to_string())) {
+    if config.link.is_none() && !devices.any(|device| is_link_device(&device.driver)) {
         return Vec::new();
     }
     let ports = ports.iter();
@@ -65,7 +56,7 @@ pub fn read(selected: &SelectedCell) -> Vec<HealthFinding> {
     match serde_json::from_slice::<Vec<LinkFinding>>(&output.stdout) {
         Ok(findings) => {
             let findings = findings.into_iter();
-            findings.map(|it| it.finding(&again)).collect()
+            findings.map(|it| finding(it, &again)).collect()
         }
         Err(_) => {
             let words = String::from_utf8_lossy(&output.stderr);
@@ -83,14 +74,11 @@ pub fn read(selected: &SelectedCell) -> Vec<HealthFinding> {
     }
 }
 
-impl LinkFinding {
-    fn finding(self, again: &str) -> HealthFinding {
-        let LinkFinding { level, of, what } = self;
-        HealthFinding {
-            level,
-            // The words say what to do.
-            fix: (level >= FindingLevel::Warn).then(|| format!("then again: `{again}`")),
-            ..HealthFinding::ok(format!("{of}: {what}"))
-        }
+fn finding(LinkFinding { level, of, what }: LinkFinding, again: &str) -> HealthFinding {
+    HealthFinding {
+        level,
+        // The words say what to do.
+        fix: (level >= FindingLevel::Warn).then(|| format!("then again: `{again}`")),
+        ..HealthFinding::ok(format!("{of}: {what}"))
     }
 }

@@ -7,9 +7,6 @@ use super::plain::{quality, settings};
 use super::{LinkFacts, LinkStage, configuration, driver};
 use crate::doctor::HealthFinding;
 
-/// The program of the driver.
-pub const PROGRAM: &str = "rcc-link-device";
-
 /// Stages in order; the first failed one ends the report.
 pub const STAGES: &[LinkStage] = &[
     ("configuration", configuration),
@@ -116,7 +113,7 @@ mod tests {
     fn report(tls: Value, link: Value) -> LinkReport {
         LinkReport::of(&LinkFacts {
             device: "press".to_owned(),
-            driver: format!("/opt/{PROGRAM}"),
+            driver: "/opt/rcc-link-device".to_owned(),
             settings: json!({"peer": "lab/press", "tls": tls}),
             pid: Some(7),
             driver_status: Some(DriverStatus {

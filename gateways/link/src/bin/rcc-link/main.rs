@@ -8,21 +8,22 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::SystemTime;
 
 use clap::{Args, Parser, Subcommand};
+use rcc_api::findings::{FindingLevel, LinkFinding};
 use rcc_config::CellConfig;
 use rcc_config::link::is_cell_key;
-use rcc_config::ports::PortArgument;
 use rcc_core::printable::Printable;
 use rcc_link::certificate::CertificateError;
 use rcc_link::deploy::DeployError;
-use rcc_link::doctor::{self, FindingLevel, LinkFinding};
+use rcc_link::doctor;
 use rcc_link::fleet::{self, CellMessage, CellRequest, FleetError, FoundCell};
 use rcc_link::gateway::{self, GatewayError, GatewayOptions};
 use rcc_link::keys::{CellKeys, Operation, is_topic};
-use rcc_link::session::has_no_port;
+use rcc_link::session::has_port;
+use rcc_os::wall;
 use rcc_process::Stop;
+use rcc_process::arguments::PortArguments;
 use rcc_process::oom::{SCORE_OBSERVER, raise_score};
 use serde_json::json;
 
@@ -131,25 +132,19 @@ struct CellFile {
     /// Configuration of the cell; the cell need not run
     #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
     config: PathBuf,
-    /// Number of a port that the configuration leaves open
-    #[arg(
-        long = "port",
-        env = "RCC_PORTS",
-        value_name = "NAME=NUMBER",
-        value_delimiter = ','
-    )]
-    ports: Vec<PortArgument>,
+    #[command(flatten)]
+    ports: PortArguments,
 }
 
 impl CellFile {
     /// Reads the configuration; automatic ports are 0 if no numbers are given.
     fn load(&self) -> Result<CellConfig, LinkError> {
-        if self.ports.is_empty() {
-            return CellConfig::load_offline(&self.config).map_err(LinkError::Config);
-        }
-        let ports = self.ports.iter();
-        let ports = ports.map(|port| (port.name.clone(), port.number)).collect();
-        CellConfig::load(&self.config, &ports).map_err(LinkError::Config)
+        let ports = self.ports.chosen();
+        let config = match ports.is_empty() {
+            true => CellConfig::load_offline(&self.config),
+            false => CellConfig::load(&self.config, &ports),
+        };
+        config.map_err(LinkError::Config)
     }
 
     fn name(&self) -> String {
@@ -179,8 +174,7 @@ fn topic(text: &str) -> Result<String, String> {
 }
 
 fn site(text: &str) -> Result<String, String> {
-    let is_valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
-    match text == "*" || !text.is_empty() && text.chars().all(is_valid) {
+    match text == "*" || is_cell_key(&format!("{text}/cell")) {
         true => Ok(text.to_owned()),
         false => Err("write the name of a site, such as lab, or * for all".to_owned()),
     }
@@ -208,10 +202,6 @@ enum LinkError {
     Signals(#[from] rcc_process::signals::SignalError),
     #[error("cannot start: {0}")]
     System(#[from] std::io::Error),
-    #[error(
-        "{0}: an automatic port has no number here: give the one of the cell (--port NAME=NUMBER), or a fixed one, which others need"
-    )]
-    NoPort(String),
     #[error(transparent)]
     Gateway(#[from] GatewayError),
     #[error(transparent)]
@@ -317,7 +307,8 @@ fn stop_at(signals: Stop) -> std::io::Result<Arc<AtomicBool>> {
 fn doctor(cell: Option<String>, file: &CellFile, as_json: bool) -> Result<(), LinkError> {
     let config = file.load()?;
     let cell = cell.unwrap_or_else(|| config.name.clone());
-    let findings = doctor::verify(&config, &cell, now_s());
+    let now_s = i64::try_from(wall::seconds()).unwrap_or(i64::MAX);
+    let findings = doctor::verify(&config, &cell, now_s);
     if findings.is_empty() {
         return Err(LinkError::NothingToVerify(file.name()));
     }
@@ -326,7 +317,7 @@ fn doctor(cell: Option<String>, file: &CellFile, as_json: bool) -> Result<(), Li
         false => {
             for finding in &findings {
                 let LinkFinding { level, of, what } = finding;
-                rcc_process::say(&format!("{}  {of}: {what}", level.word()));
+                rcc_process::say(&format!("{:<4}  {of}: {what}", level.word()));
             }
         }
     }
@@ -335,14 +326,6 @@ fn doctor(cell: Option<String>, file: &CellFile, as_json: bool) -> Result<(), Li
         0 => Ok(()),
         count => Err(LinkError::Faults(count)),
     }
-}
-
-/// Time, seconds since 1970.
-fn now_s() -> i64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    since.map_or(0, |since| {
-        i64::try_from(since.as_secs()).unwrap_or(i64::MAX)
-    })
 }
 
 fn operate(ask: &Ask, operation: Operation) -> Result<(), LinkError> {
@@ -425,9 +408,8 @@ fn serve(cell: Option<String>, file: &CellFile, parent_death: bool) -> Result<()
     if link.listen.is_empty() && link.connect.is_empty() && link.router.is_empty() {
         return Err(LinkError::Nobody(file));
     }
-    let mut endpoints = link.listen.iter().chain(&link.connect).chain(&link.router);
-    if let Some(endpoint) = endpoints.find(|endpoint| has_no_port(endpoint)) {
-        return Err(LinkError::NoPort(endpoint.clone()));
+    for endpoint in link.listen.iter().chain(&link.connect).chain(&link.router) {
+        has_port(endpoint).map_err(GatewayError::Session)?;
     }
     let stop = stop_at(signals)?;
     let options = GatewayOptions {
