@@ -56,12 +56,14 @@ impl<const N: usize> Quintic<N> {
         })
     }
 
-    /// The first derivative by s.
+    /// The first derivative of the first `M` dimensions by s.
     #[inline]
-    pub fn slope(&self, s: f64) -> [f64; N] {
+    pub fn slope<const M: usize>(&self, s: f64) -> [f64; M] {
+        const { assert!(M <= N) };
         let over = 1.0 / self.length;
         let x = s * over;
-        self.coefficients.map(|[_, b, c, d, e, f]| {
+        core::array::from_fn(|axis| {
+            let [_, b, c, d, e, f] = self.coefficients[axis];
             (b + x * (2.0 * c + x * (3.0 * d + x * (4.0 * e + x * 5.0 * f)))) * over
         })
     }

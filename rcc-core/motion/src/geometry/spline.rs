@@ -161,18 +161,8 @@ impl Spline {
 
     /// Arc length between two values of u on one curve, m.
     fn arc(&self, from: f64, to: f64) -> f64 {
-        let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
-        let Some((curve, begin)) = self.curve(middle) else {
-            return f64::NAN;
-        };
-        let sum: f64 = GAUSS
-            .iter()
-            .map(|(node, weight)| {
-                let [x, y, z, ..] = curve.slope(middle + half * node - begin);
-                weight * libm::sqrt(x * x + y * y + z * z)
-            })
-            .sum();
-        half * sum
+        let curve = self.curve(0.5 * (from + to));
+        curve.map_or(f64::NAN, |curve| arc_on(curve, from, to))
     }
 
     /// u at s: a table look-up, then three iterations of Newton's method, which converge to rounding.
@@ -188,8 +178,7 @@ impl Spline {
             return u;
         };
         for _ in 0..3 {
-            let [x, y, z, ..] = curve.slope(u - begin);
-            u -= (s0 + self.arc(*u0, u) - s) / libm::sqrt(x * x + y * y + z * z);
+            u -= (s0 + arc_on((curve, begin), *u0, u) - s) / position_speed(curve, u - begin);
             u = u.max(*u0).min(*u1);
         }
         u
@@ -228,6 +217,26 @@ impl Spline {
             orientation: jet::product(middle, jet::from_rodrigues([a, b, c])),
         }
     }
+}
+
+/// |dx/du| of a curve at u, counted from its beginning.
+#[inline]
+fn position_speed(curve: &Quintic<6>, u: f64) -> f64 {
+    let [x, y, z] = curve.slope(u);
+    libm::sqrt(x * x + y * y + z * z)
+}
+
+/// Arc length between two values of u on a curve that begins at `begin`, m.
+#[inline]
+fn arc_on((curve, begin): (&Quintic<6>, f64), from: f64, to: f64) -> f64 {
+    let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+    let speeds = GAUSS.map(|(node, _)| position_speed(curve, middle + half * node - begin));
+    let sum: f64 = GAUSS
+        .iter()
+        .zip(speeds)
+        .map(|((_, weight), speed)| weight * speed)
+        .sum();
+    half * sum
 }
 
 /// The orientations relative to the middle one as modified Rodrigues parameters, each continuous with the previous one.
