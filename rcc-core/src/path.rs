@@ -11,7 +11,7 @@ pub use crate::axis::MotionLimits;
 pub use fault::{AfterUntilFault, MotionFault, PrepareFault, Quantity};
 pub use legs::{
     ArcOrientation, ElbowMotion, LEGS_MAX, Leg, LegConditions, LegSignals, PathRequest,
-    PathSegment, RelativeTo, SpeedProfile,
+    PathSegment, RelativeTo, SpeedProfile, StopReserve,
 };
 
 use crate::axis::{AxisState, Phases, stop_and_go};

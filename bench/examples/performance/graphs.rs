@@ -10,6 +10,12 @@ use rcc_bench::straight::{ALL, CycleProgram, GraphInputs};
 
 use crate::table::{digits, spread, table, verdict};
 
+/// The column of the ratio of the interpreter to straight-line code.
+const RATIO: usize = 5;
+
+/// The gain for every graph from which on a compiler to native code would be worth its weight.
+const NATIVE_GAIN: f64 = 3.0;
+
 /// Returns the goal for a graph, ns per node.
 fn goal(mix: &str, size: usize) -> f64 {
     match (mix, size) {
@@ -37,6 +43,18 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         "ratio",
         "goal",
     ];
+    let ratios = rows.iter().map(|row| (&row[0], row[RATIO].parse::<f64>()));
+    let low: Vec<String> = ratios
+        .filter(|(_, ratio)| ratio.as_ref().is_ok_and(|it| *it < NATIVE_GAIN))
+        .map(|(name, _)| format!("`{name}`"))
+        .collect();
+    let native = match low.as_slice() {
+        [] => String::new(),
+        low => format!(
+            "The ratio is the most that native code for nets could gain, through rustc's optimiser and with all of a graph in one function. It would have to be at least {NATIVE_GAIN} for every graph to be worth a compiler in the executor; it is less for {}.\n",
+            low.join(", ")
+        ),
+    };
     let built = if ALL.is_empty() {
         "Straight-line code was not built (`--features straight-line`).\n"
     } else {
@@ -48,7 +66,7 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
          *A primitive* is the same time divided by the number of primitives that the net evaluates (inputs and \
          `Termination` count, elements of transforms do not). *Straight-line* is Rust generated from the same graph by \
          the build script: with null as NaN, and also without null where nothing is ever null. *Ratio* is \
-         interpreter to straight-line with null. Before the measurement each of them has computed the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}",
+         interpreter to straight-line with null. Before the measurement each of them has computed the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}\n{native}",
         table(&head, &rows)
     ))
 }

@@ -7,7 +7,7 @@ use rcc_core::frame::DeviceInput;
 use rcc_core::message::Measurement;
 use rcc_core::path::{
     ArcOrientation, Leg, MotionBuilder, Motions, PathRequest, PathSegment, SpeedOverride,
-    SpeedProfile,
+    SpeedProfile, StopReserve,
 };
 use rcc_engine::net::{Evaluation, Net};
 use rcc_language::compile_for;
@@ -116,7 +116,7 @@ pub(super) fn motions() -> SubjectGroup {
             paced(
                 "three rounded lines, fastest",
                 &rounded,
-                SpeedProfile::TimeOptimal,
+                SpeedProfile::TimeOptimal(StopReserve::Keep),
             ),
         ],
     }

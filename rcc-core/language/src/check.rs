@@ -48,6 +48,7 @@ const CHECKS: &[Check] = &[
     constants::constants_are_in_range,
     constants::outputs_are_commanded_in_range,
     motions::parameters_do_not_contradict,
+    motions::reserves_are_of_time_optimal_motions,
     motions::joint_motions_have_a_goal,
     motions::turns_have_a_bit_for_each_joint,
     motions::conditions_of_legs_are_connected,

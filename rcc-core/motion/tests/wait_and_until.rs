@@ -7,6 +7,7 @@ use rcc_core::message::Joints;
 use rcc_core::path::{
     AfterUntilFault, Leg, LegConditions, LegSignals, MotionBuilder, MotionFault, MotionLimits,
     MotionState, Motions, PathRequest, PathSegment, RelativeTo, SpeedOverride, SpeedProfile,
+    StopReserve,
 };
 use rcc_core::pose::Pose;
 use rcc_motion::{MotionSet, MotionSetBuilder};
@@ -155,7 +156,7 @@ fn random_legs_keep_every_limit_whenever_their_conditions_hold() {
         let mut random = Rng::with_seed(seed);
         let legs = legs(&mut random);
         let pace = if random.once_in(4) {
-            SpeedProfile::TimeOptimal
+            SpeedProfile::TimeOptimal(StopReserve::Keep)
         } else {
             SpeedProfile::Uniform
         };
@@ -256,7 +257,10 @@ fn a_condition_that_never_holds_changes_nothing_and_is_told() {
     let plain = [lin([0.0, 0.0, 0.1]), lin([0.0, 0.1, 0.0])];
     let mut with = plain;
     with[0].until = Some(0);
-    for pace in [SpeedProfile::Uniform, SpeedProfile::TimeOptimal] {
+    for pace in [
+        SpeedProfile::Uniform,
+        SpeedProfile::TimeOptimal(StopReserve::Keep),
+    ] {
         let (mut a, mut b) = (built(&plain, pace).unwrap(), built(&with, pace).unwrap());
         loop {
             let state = step(&mut a, SpeedOverride::RUN, |_| false);

@@ -2765,6 +2765,7 @@ class Primitives(Base):
         angular_jerk: Value = UNSET,
         scale: Value = UNSET,
         time_optimal: Value = UNSET,
+        stops: Value = UNSET,
         arm_angle: Value = UNSET,
         elbow: Value = UNSET,
         stop: Source = UNSET,
@@ -2787,6 +2788,7 @@ class Primitives(Base):
         angular_jerk: Real [rad/s^3]: largest angular jerk; if omitted, limited by the joints; default null
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
+        stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
         arm_angle: Real [rad]: for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
         elbow: stays, middle: stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end; default stays
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
@@ -2794,7 +2796,7 @@ class Primitives(Base):
         speed: Real [1]: speed override, may change at any time; computed values above 1 count as 1, values of 0 or less are a pause; default 1
         name: name in the net; default `circularmotion` with a number
         """
-        return self._add(CircularMotion, name, {'device': device, 'via': via, 'to': to, 'angle': angle, 'orientation': orientation, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'scale': scale, 'time_optimal': time_optimal, 'arm_angle': arm_angle, 'elbow': elbow}, {'stop': stop, 'pause': pause, 'speed': speed})
+        return self._add(CircularMotion, name, {'device': device, 'via': via, 'to': to, 'angle': angle, 'orientation': orientation, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'scale': scale, 'time_optimal': time_optimal, 'stops': stops, 'arm_angle': arm_angle, 'elbow': elbow}, {'stop': stop, 'pause': pause, 'speed': speed})
 
     def Compose(
         self,
@@ -3805,6 +3807,7 @@ class Primitives(Base):
         angular_jerk: Value = UNSET,
         scale: Value = UNSET,
         time_optimal: Value = UNSET,
+        stops: Value = UNSET,
         arm_angle: Value = UNSET,
         elbow: Value = UNSET,
         stop: Source = UNSET,
@@ -3825,6 +3828,7 @@ class Primitives(Base):
         angular_jerk: Real [rad/s^3]: largest angular jerk; default 40
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
+        stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
         arm_angle: Real [rad]: for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
         elbow: stays, middle: stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end; default stays
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
@@ -3832,7 +3836,7 @@ class Primitives(Base):
         speed: Real [1]: speed override, may change at any time; computed values above 1 count as 1, values of 0 or less are a pause; default 1
         name: name in the net; default `linearmotion` with a number
         """
-        return self._add(LinearMotion, name, {'device': device, 'to': to, 'from': from_, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'scale': scale, 'time_optimal': time_optimal, 'arm_angle': arm_angle, 'elbow': elbow}, {'stop': stop, 'pause': pause, 'speed': speed})
+        return self._add(LinearMotion, name, {'device': device, 'to': to, 'from': from_, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'scale': scale, 'time_optimal': time_optimal, 'stops': stops, 'arm_angle': arm_angle, 'elbow': elbow}, {'stop': stop, 'pause': pause, 'speed': speed})
 
     def Logarithm(
         self,
@@ -4121,6 +4125,7 @@ class Primitives(Base):
         path: Value,
         scale: Value = UNSET,
         time_optimal: Value = UNSET,
+        stops: Value = UNSET,
         stop: Source = UNSET,
         pause: Source = UNSET,
         speed: Source = UNSET,
@@ -4133,13 +4138,14 @@ class Primitives(Base):
         path: path: legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {ptp: {pose: {xyz: ..., rpy: ...}}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`; a leg may have `wait: CONDITION` (it does not begin before) and `until: CONDITION` (it ends then)
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
+        stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
         pause: Bool: brings the motion to rest on the path; when false again, the motion continues; default false
         speed: Real [1]: speed override, may change at any time; computed values above 1 count as 1, values of 0 or less are a pause; default 1
         conditions: Bool[o]: made from `wait` and `until` of the legs, in their order: give them there; default null
         name: name in the net; default `motionsequence` with a number
         """
-        return self._add(MotionSequence, name, {'device': device, 'path': path, 'scale': scale, 'time_optimal': time_optimal}, {'stop': stop, 'pause': pause, 'speed': speed, 'conditions': conditions})
+        return self._add(MotionSequence, name, {'device': device, 'path': path, 'scale': scale, 'time_optimal': time_optimal, 'stops': stops}, {'stop': stop, 'pause': pause, 'speed': speed, 'conditions': conditions})
 
     def Multiplexer(
         self,
@@ -5040,6 +5046,7 @@ class Primitives(Base):
         angular_jerk: Value = UNSET,
         scale: Value = UNSET,
         time_optimal: Value = UNSET,
+        stops: Value = UNSET,
         arm_angle: Value = UNSET,
         elbow: Value = UNSET,
         stop: Source = UNSET,
@@ -5059,6 +5066,7 @@ class Primitives(Base):
         angular_jerk: Real [rad/s^3]: largest angular jerk; if omitted, limited by the joints; default null
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
+        stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
         arm_angle: Real [rad]: for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
         elbow: stays, middle: stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end; default stays
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
@@ -5066,7 +5074,7 @@ class Primitives(Base):
         speed: Real [1]: speed override, may change at any time; computed values above 1 count as 1, values of 0 or less are a pause; default 1
         name: name in the net; default `splinemotion` with a number
         """
-        return self._add(SplineMotion, name, {'device': device, 'through': through, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'scale': scale, 'time_optimal': time_optimal, 'arm_angle': arm_angle, 'elbow': elbow}, {'stop': stop, 'pause': pause, 'speed': speed})
+        return self._add(SplineMotion, name, {'device': device, 'through': through, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'angular_velocity': angular_velocity, 'angular_acceleration': angular_acceleration, 'angular_jerk': angular_jerk, 'scale': scale, 'time_optimal': time_optimal, 'stops': stops, 'arm_angle': arm_angle, 'elbow': elbow}, {'stop': stop, 'pause': pause, 'speed': speed})
 
     def SplitPose(
         self,

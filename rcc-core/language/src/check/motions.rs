@@ -72,6 +72,24 @@ pub fn parameters_do_not_contradict(net: Typed<'_>, diagnostics: &mut Vec<Diagno
     }
 }
 
+/// Requires `time_optimal` where `stops` says what a time-optimal motion reserves.
+pub fn reserves_are_of_time_optimal_motions(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    for (_, item) in net.graph.items_of(|spec| takes(spec, "stops")) {
+        let optimal = given(item, "time_optimal").map(|literal| &literal.shape);
+        let Some(stops) = given(item, "stops") else {
+            continue;
+        };
+        if !matches!(
+            optimal,
+            Some(LiteralShape::Bool(true) | LiteralShape::Refused)
+        ) {
+            let message = format!("`{}` has `stops` but is not time-optimal", item.id());
+            let diagnostic = Diagnostic::error(codes::CONTRADICTION, stops.span, message);
+            diagnostics.push(diagnostic.help("add `time_optimal: true`, or remove `stops`"));
+        }
+    }
+}
+
 /// Requires that a `JointMotion` has a goal, `to` or `pose`.
 pub fn joint_motions_have_a_goal(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (_, item) in net.graph.items_of(|spec| spec.name == "JointMotion") {

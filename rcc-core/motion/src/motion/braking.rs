@@ -3,7 +3,7 @@
 //! A stop counts the path parameter directly: the time law alone would keep accelerating while its time is slowed down. It
 //! begins as soon as a set of braking limits allows it; until then the time of the law slows down, as in a pause. While the
 //! law is followed at full speed, the stops that were checked for its states are harder than those for any state, and worth
-//! waiting a few cycles for.
+//! waiting for: a few cycles, or as long as it takes if the law reserves hardly anything.
 
 use rcc_core::axis::AxisState;
 use rcc_core::path::{PathState, SpeedOverride};
@@ -12,9 +12,6 @@ use super::{Braking, Motion};
 use crate::path_clock::PathClock;
 use crate::planned_path::speed_limits::BrakingLimits;
 use crate::planned_path::{LawStops, MotionSection, PathPoint};
-
-/// Most cycles for which the law is followed further for a shorter stop.
-const WAIT_CYCLES_MAX: f64 = 10.0;
 
 /// Distance from a whole number of cycles, in cycles, within which the law reaches the state of a checked stop.
 const CYCLE_TOLERANCE: f64 = 1e-7;
@@ -112,7 +109,7 @@ impl Motion {
         let cycles = after_s / section.bounds.dt_s();
         let reaches = (cycles - libm::round(cycles)).abs() <= CYCLE_TOLERANCE;
         let state = self.section_state(section, clock_value, [1.0, 0.0]);
-        (reaches && (0.0..=WAIT_CYCLES_MAX).contains(&cycles)).then(|| StopOnLaw {
+        (reaches && (0.0..=stops.wait_cycles).contains(&cycles)).then(|| StopOnLaw {
             index,
             after_s,
             duration_s: limits.stop_duration_s(state),

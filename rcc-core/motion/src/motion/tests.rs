@@ -1,6 +1,7 @@
 use rcc_core::frame::PrepareFault;
 use rcc_core::path::{
-    Leg, MotionBuilder, MotionFault, MotionLimits, PathRequest, PathSegment, Quantity, SpeedProfile,
+    Leg, MotionBuilder, MotionFault, MotionLimits, PathRequest, PathSegment, Quantity,
+    SpeedProfile, StopReserve,
 };
 use rcc_core::pose::Pose;
 use rcc_testing::arms::{HOLD as START, lwr};
@@ -234,6 +235,9 @@ fn a_line_is_never_too_short_for_the_speed_that_is_given() {
 }
 
 /// Over an obstacle: up, aside, down, with blended corners.
+const FASTEST: SpeedProfile = SpeedProfile::TimeOptimal(StopReserve::Keep);
+const FASTEST_GIVE: SpeedProfile = SpeedProfile::TimeOptimal(StopReserve::Give);
+
 fn over(pace: SpeedProfile) -> MotionSet {
     let (models, holds) = ([lwr()], [Some(START)]);
     let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
@@ -263,12 +267,12 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_the_jerk_a
         cycle.expect("an end")
     };
     let (sooner, later) = (
-        duration(over(SpeedProfile::TimeOptimal)),
+        duration(over(FASTEST)),
         duration(over(SpeedProfile::Uniform)),
     );
     assert!(sooner < later, "the time law has begun: {sooner} {later}");
     for cycles in [1, 2, 10, 30, 50] {
-        let mut motions = over(SpeedProfile::TimeOptimal);
+        let mut motions = over(FASTEST);
         let mut begun = step(&mut motions, false);
         for _ in 1..cycles {
             begun = step(&mut motions, false);
@@ -281,7 +285,7 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_the_jerk_a
         let mut words = Vec::new();
         let mut state = step(&mut motions, true);
         motions.save(|some| words.extend_from_slice(some));
-        let mut again = over(SpeedProfile::TimeOptimal);
+        let mut again = over(FASTEST);
         again.restore(&words).unwrap();
         let mut last = begun;
         while !state.path.done {
@@ -303,36 +307,70 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_the_jerk_a
 #[test]
 fn a_stop_from_the_full_speed_of_a_time_optimal_motion_is_one_checked_for_its_state() {
     // With limits for any state of a part of the path a stop took 379, 403 and 393 cycles.
-    for (cycles, most) in [(100, 250), (150, 200), (200, 170)] {
-        let mut motions = over(SpeedProfile::TimeOptimal);
-        for _ in 0..cycles {
+    for pace in [FASTEST, FASTEST_GIVE] {
+        for (cycles, most) in [(100, 250), (150, 200), (200, 170)] {
+            let mut motions = over(pace);
+            for _ in 0..cycles {
+                step(&mut motions, false);
+            }
+            let took = (0..20_000).find(|_| step(&mut motions, true).path.done);
+            assert!(
+                took.is_some_and(|took| took <= most),
+                "{pace:?} {cycles}: {took:?}"
+            );
+        }
+    }
+}
+
+/// The state at the end of a motion that nothing slows down, and the number of cycles until then.
+fn end_of(pace: SpeedProfile) -> (usize, MotionState) {
+    let mut motions = over(pace);
+    let states = (0..20_000).map(|_| step(&mut motions, false));
+    let mut numbered = states.enumerate();
+    numbered.find(|(_, state)| state.path.done).expect("an end")
+}
+
+#[test]
+fn a_motion_that_gives_its_reserve_ends_sooner_and_pauses_later() {
+    let [(kept, _), (given, _)] = [FASTEST, FASTEST_GIVE].map(end_of);
+    assert!(given < kept, "{given} {kept}");
+    const PAUSE: SpeedOverride = SpeedOverride {
+        pause: true,
+        ..SpeedOverride::RUN
+    };
+    let slowest = [FASTEST, FASTEST_GIVE].map(|pace| {
+        let mut motions = over(pace);
+        for _ in 0..100 {
             step(&mut motions, false);
         }
-        let took = (0..20_000).find(|_| step(&mut motions, true).path.done);
-        assert!(took.is_some_and(|took| took <= most), "{cycles}: {took:?}");
-    }
+        let states = (0..100).map(|_| motions.step(0, PAUSE).expect("a motion"));
+        states.map(|state| state.path.velocity).fold(1.0, f64::min)
+    });
+    let [with_reserve, with_hardly_any] = slowest;
+    assert!(with_reserve < with_hardly_any, "{slowest:?}");
 }
 
 #[test]
 fn a_stop_at_any_time_of_a_time_optimal_motion_ends_before_its_end_or_there() {
-    let whole = {
-        let mut motions = over(SpeedProfile::TimeOptimal);
-        let mut states = (0..20_000).map(|_| step(&mut motions, false));
-        states.find(|state| state.path.done).unwrap()
-    };
-    for cycles in (1..1700).step_by(61) {
-        let mut motions = over(SpeedProfile::TimeOptimal);
-        let mut last = step(&mut motions, false);
-        for _ in 1..cycles {
-            last = step(&mut motions, false);
+    for pace in [FASTEST, FASTEST_GIVE] {
+        let (_, whole) = end_of(pace);
+        for cycles in (1..1700).step_by(61) {
+            let mut motions = over(pace);
+            let mut last = step(&mut motions, false);
+            for _ in 1..cycles {
+                last = step(&mut motions, false);
+            }
+            for _ in 0..4000 {
+                let state = step(&mut motions, true);
+                assert!(state.path.s >= last.path.s && state.distance >= last.distance - 1e-12);
+                last = state;
+            }
+            assert!(
+                last.path.done && last.path.stopping,
+                "{pace:?} {cycles}: {last:?}"
+            );
+            assert!(last.distance <= whole.distance + 1e-12);
         }
-        for _ in 0..4000 {
-            let state = step(&mut motions, true);
-            assert!(state.path.s >= last.path.s && state.distance >= last.distance - 1e-12);
-            last = state;
-        }
-        assert!(last.path.done && last.path.stopping, "{cycles}");
-        assert!(last.distance <= whole.distance + 1e-12);
     }
 }
 
@@ -347,10 +385,7 @@ fn an_even_motion_that_is_slow_says_how_much_and_why() {
         let cycle = (0..20_000).find(|_| step(&mut motions, false).path.done);
         cycle.map_or(f64::NAN, |cycle| f64::from(cycle) * DT)
     };
-    let (even_s, fastest_s) = (
-        took(over(SpeedProfile::Uniform)),
-        took(over(SpeedProfile::TimeOptimal)),
-    );
+    let (even_s, fastest_s) = (took(over(SpeedProfile::Uniform)), took(over(FASTEST)));
     assert!(
         (slow.takes_s - even_s).abs() < 2.0 * DT,
         "{slow:?} {even_s}"
@@ -360,5 +395,5 @@ fn an_even_motion_that_is_slow_says_how_much_and_why() {
         "{slow:?} {fastest_s}"
     );
     assert!((0..3).contains(&slow.leg) && (0.0..=1.0).contains(&slow.fraction));
-    assert_eq!(over(SpeedProfile::TimeOptimal).slow().count(), 0);
+    assert_eq!(over(FASTEST).slow().count(), 0);
 }

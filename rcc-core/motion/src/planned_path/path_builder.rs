@@ -127,7 +127,9 @@ impl SampledPath<'_> {
             }
             let timed = match pace {
                 SpeedProfile::Uniform => None,
-                SpeedProfile::TimeOptimal => time_optimal_law(self, range.clone(), &bounds),
+                SpeedProfile::TimeOptimal(reserve) => {
+                    time_optimal_law(self, range.clone(), &bounds, reserve)
+                }
             };
             let time_scaling = match &timed {
                 None => TimeScaling::Even,
@@ -139,6 +141,7 @@ impl SampledPath<'_> {
                     let stops = LawStops {
                         anywhere: section_parts.stops(bounds),
                         on_law: timed.on_law,
+                        wait_cycles: timed.wait_cycles,
                     };
                     (timed.bounds, Some(stops), Some(timed.time_law))
                 }

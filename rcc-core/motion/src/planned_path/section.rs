@@ -71,6 +71,8 @@ pub(crate) struct LawStops {
     pub(crate) anywhere: Box<[BrakingLimits]>,
     /// For the states of the law, followed at full speed, at certain times, in their order.
     pub(crate) on_law: Box<[BrakingLimits]>,
+    /// Most cycles for which the law is followed further to one of `on_law`.
+    pub(crate) wait_cycles: f64,
 }
 
 impl LawStops {

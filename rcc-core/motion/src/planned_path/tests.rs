@@ -3,7 +3,7 @@
 use rcc_core::frame::PrepareFault;
 use rcc_core::path::{
     ArcOrientation, Leg, MotionBuilder, MotionFault, MotionLimits, MotionState, Motions,
-    PathRequest, PathSegment, Quantity, RelativeTo, SpeedOverride, SpeedProfile,
+    PathRequest, PathSegment, Quantity, RelativeTo, SpeedOverride, SpeedProfile, StopReserve,
 };
 use rcc_core::pose::Pose;
 use rcc_core::vector;
@@ -283,7 +283,11 @@ fn a_velocity_that_cannot_be_kept_is_a_limit_for_a_time_optimal_motion() {
     assert!(motion(&[arc(5.0)]).is_err());
     for velocity in [0.05, 5.0] {
         let done = run(
-            paced(&[arc(velocity)], SpeedProfile::TimeOptimal).unwrap(),
+            paced(
+                &[arc(velocity)],
+                SpeedProfile::TimeOptimal(StopReserve::Keep),
+            )
+            .unwrap(),
             free,
         );
         done.judge(1.0);

@@ -7,7 +7,7 @@
 
 use core::ops::Range;
 
-use rcc_core::path::SpeedOverride;
+use rcc_core::path::{SpeedOverride, StopReserve};
 
 use super::sampled_path::{SampledPath, SampledPiece};
 use super::speed_limits::{BrakingLimits, DerivativeSample, MARGIN, QUANTITIES};
@@ -44,8 +44,27 @@ const EVENED: usize = 8;
 /// The first spline has this fraction of the intervals.
 const COARSE: usize = 2;
 
-/// Fractions of the limits of acceleration and jerk that are reserved for the clock where the first law is fastest.
-const RESERVED: [f64; 2] = [0.15, 0.15];
+/// What a law leaves to its clock.
+struct LawReserve {
+    /// Fraction of the limits of acceleration and jerk that is reserved where the first law is fastest.
+    fraction: f64,
+    /// Most cycles for which a stop follows the law further to a state from which a shorter stop was checked.
+    wait_cycles: f64,
+}
+
+impl LawReserve {
+    fn of(stops: StopReserve) -> Self {
+        let (fraction, wait_cycles) = match stops {
+            StopReserve::Keep => (0.15, 10.0),
+            // Slowing the clock down with so little takes longer than waiting.
+            StopReserve::Give => (0.02, f64::INFINITY),
+        };
+        Self {
+            fraction,
+            wait_cycles,
+        }
+    }
+}
 
 /// Fraction by which a law is slower than its limits allow, because of rounding.
 const ROUNDING: f64 = 1e-6;
@@ -60,6 +79,8 @@ pub(super) struct TimeOptimal {
     pub(super) bounds: PathBounds,
     /// Limits for stops at certain times of the law.
     pub(super) on_law: Box<[BrakingLimits]>,
+    /// Most cycles for which the law is followed further to one of them.
+    pub(super) wait_cycles: f64,
     /// The interior-point method improved the first law.
     pub(super) improved: bool,
 }
@@ -69,12 +90,17 @@ pub(super) fn time_optimal_law(
     path: &SampledPath<'_>,
     range: Range<usize>,
     uniform: &PathBounds,
+    stops: StopReserve,
 ) -> Option<TimeOptimal> {
+    let LawReserve {
+        fraction,
+        wait_cycles,
+    } = LawReserve::of(stops);
     let table = SectionTable::new(path, range.clone())?;
     let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
     let even = EvenLaw::new(uniform);
     let first = first_law(&table, &profile, even.as_ref())?;
-    let reserve = reserve(path, range.clone(), &time_law(&first, 1.0)?);
+    let reserve = reserve(path, range.clone(), &time_law(&first, 1.0)?, fraction);
     let intervals = COARSE * first.law.intervals();
     let mut barrier = Barrier::new(&table, reserve, first.law.clone())?;
     let improved = barrier.improve(intervals).is_some();
@@ -88,6 +114,7 @@ pub(super) fn time_optimal_law(
     let bounds = clock_bounds(time_law.duration(), clock, path.dt_s)?;
     (time_law.duration() < duration_s(uniform)).then(|| TimeOptimal {
         on_law: law_stops::law_stops(path, range, &time_law),
+        wait_cycles,
         time_law,
         bounds,
         improved,
@@ -182,16 +209,20 @@ fn time_law(barrier: &Barrier<'_>, speed: f64) -> Option<TimeLaw> {
     TimeLaw::new(&knots, duration_s / intervals as f64)
 }
 
-/// Clock limits that use these parts of the limits where a quantity is fastest on this law.
-fn reserve(path: &SampledPath<'_>, range: Range<usize>, law: &TimeLaw) -> ClockReserve {
+/// Clock limits that use this fraction of the limits where a quantity is fastest on this law.
+fn reserve(
+    path: &SampledPath<'_>,
+    range: Range<usize>,
+    law: &TimeLaw,
+    fraction: f64,
+) -> ClockReserve {
     let mut reserve = ClockReserve {
         acceleration: f64::INFINITY,
         jerk: f64::INFINITY,
     };
     let nothing = ClockReserve::default();
     each_bound(path, range, (law, nothing), |[velocity, ..], limits| {
-        let [acceleration, jerk] =
-            [1, 2].map(|order| RESERVED[order - 1] * limits[order] / velocity);
+        let [acceleration, jerk] = [1, 2].map(|order| fraction * limits[order] / velocity);
         reserve.acceleration = least(reserve.acceleration, acceleration);
         reserve.jerk = least(reserve.jerk, jerk);
     });

@@ -8,7 +8,7 @@ use rcc_core::kinematics::Arm;
 use rcc_core::message::Joints;
 use rcc_core::path::{
     ArcOrientation, ElbowMotion, Leg, MotionBuilder, MotionLimits, MotionState, Motions,
-    PathRequest, PathSegment, SpeedOverride, SpeedProfile,
+    PathRequest, PathSegment, SpeedOverride, SpeedProfile, StopReserve,
 };
 use rcc_core::pose::Pose;
 use rcc_core::vector::{add, cross, dot, norm, scale, subtract};
@@ -63,10 +63,12 @@ pub enum MotionKind {
     Fastest,
     /// A sequence in which the arm angle turns.
     Elbow,
+    /// A time-optimal sequence that reserves hardly anything for stops.
+    FastestGive,
 }
 
 /// All kinds.
-pub const KINDS: [MotionKind; 7] = [
+pub const KINDS: [MotionKind; 8] = [
     MotionKind::Line,
     MotionKind::Circle,
     MotionKind::Spline,
@@ -74,6 +76,7 @@ pub const KINDS: [MotionKind; 7] = [
     MotionKind::Sequence,
     MotionKind::Fastest,
     MotionKind::Elbow,
+    MotionKind::FastestGive,
 ];
 
 /// An arm, its start, and its name.
@@ -190,7 +193,8 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     };
     let legs = legs(kind, &drawn, &mut random);
     let pace = match kind {
-        MotionKind::Fastest => SpeedProfile::TimeOptimal,
+        MotionKind::Fastest => SpeedProfile::TimeOptimal(StopReserve::Keep),
+        MotionKind::FastestGive => SpeedProfile::TimeOptimal(StopReserve::Give),
         _ => SpeedProfile::Uniform,
     };
     let Some(motion) = build(robot, (&drawn, &legs), pace) else {
@@ -248,10 +252,11 @@ pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64;
     let (drawn, mut random) = unbound(kind, robot, seed)?;
     let legs = legs(kind, &drawn, &mut random);
     let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
-    for (index, pace) in [SpeedProfile::Uniform, SpeedProfile::TimeOptimal]
-        .into_iter()
-        .enumerate()
-    {
+    let paces = [
+        SpeedProfile::Uniform,
+        SpeedProfile::TimeOptimal(StopReserve::Keep),
+    ];
+    for (index, pace) in paces.into_iter().enumerate() {
         let begin = std::time::Instant::now();
         let mut motion = build(robot, (&drawn, &legs), pace)?;
         built_s[index] = begin.elapsed().as_secs_f64();
@@ -394,7 +399,8 @@ fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut SplitMix64) -
             }
             legs
         }
-        MotionKind::Sequence | MotionKind::Fastest => (0..2 + random.below(4))
+        MotionKind::Sequence | MotionKind::Fastest | MotionKind::FastestGive => (0..2 + random
+            .below(4))
             .map(|index| {
                 let segment = match random.below(6) {
                     0 => circle(2 * index, ArcOrientation::Even),

@@ -11,6 +11,15 @@ const STEP: f64 = 1e-5;
 /// A clock value and the joints there.
 pub type PathSample = (f64, Joints);
 
+/// Number of times at which a motion is stopped and paused, evenly distributed over it.
+pub const HALTS: usize = 8;
+
+/// The time-optimal profiles.
+const FASTEST: [SpeedProfile; 2] = [
+    SpeedProfile::TimeOptimal(StopReserve::Keep),
+    SpeedProfile::TimeOptimal(StopReserve::Give),
+];
+
 /// A path with the tested timing.
 pub struct Sampled {
     /// Number of joints of the arm.
@@ -21,8 +30,10 @@ pub struct Sampled {
     pub path: Vec<Vec<PathSample>>,
     /// Clock value and joints in each cycle of the same sections, time-optimal.
     pub fastest: Vec<Vec<PathSample>>,
-    /// Duration with the uniform and the time-optimal profile, s.
-    pub times_s: [f64; 2],
+    /// Duration with the uniform profile and the time-optimal ones that keep and give their reserve, s.
+    pub times_s: [f64; 3],
+    /// With the time-optimal profiles: the time to rest after a stop and after a pause, at [`HALTS`] times of the motion, s.
+    pub halts_s: [[Vec<f64>; 2]; 2],
     /// The same with a jerk limit that is `jerk` times as high, s.
     pub loose_s: [f64; 2],
 }
@@ -43,11 +54,25 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         Some((cycles as f64 * drawn.dt_s, run))
     };
     let (uniform_s, _) = run(robot, SpeedProfile::Uniform)?;
-    let (fastest_s, fastest) = run(robot, SpeedProfile::TimeOptimal)?;
-    let loose_s = [
-        run(&loose, SpeedProfile::Uniform)?.0,
-        run(&loose, SpeedProfile::TimeOptimal)?.0,
-    ];
+    let [keep, give] = FASTEST;
+    let (fastest_s, fastest) = run(robot, keep)?;
+    let (give_s, _) = run(robot, give)?;
+    let loose_s = [run(&loose, SpeedProfile::Uniform)?.0, run(&loose, keep)?.0];
+    let mut halts_s = [[const { Vec::new() }; 2], [const { Vec::new() }; 2]];
+    for (halts_s, (pace, duration_s)) in halts_s
+        .iter_mut()
+        .zip(FASTEST.iter().zip([fastest_s, give_s]))
+    {
+        let motion = build(robot, (&drawn, &legs), *pace)?;
+        let cycles = (duration_s / drawn.dt_s) as usize;
+        for number in 0..HALTS {
+            let after = cycles * (2 * number + 1) / (2 * HALTS);
+            for (durations, halt) in halts_s.iter_mut().zip([SpeedOverride::STOP, PAUSE]) {
+                let cycles = cycles_to_rest(motion.clone(), after, halt)?;
+                durations.push(cycles as f64 * drawn.dt_s);
+            }
+        }
+    }
     let slowly = SpeedOverride {
         speed: (uniform_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
@@ -66,9 +91,30 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         limits: rows.map(|row| row.map(|limit| limit * drawn.scale)),
         path: path.into_iter().map(apart).collect(),
         fastest,
-        times_s: [uniform_s, fastest_s],
+        times_s: [uniform_s, fastest_s, give_s],
+        halts_s,
         loose_s,
     })
+}
+
+const PAUSE: SpeedOverride = SpeedOverride {
+    pause: true,
+    ..SpeedOverride::RUN
+};
+
+/// The number of cycles until the motion rests if it is halted after some cycles.
+fn cycles_to_rest(mut motion: MotionSet, after: usize, halt: SpeedOverride) -> Option<usize> {
+    for _ in 0..after {
+        motion.step(0, SpeedOverride::RUN)?;
+    }
+    let mut cycles = 0;
+    loop {
+        let state = motion.step(0, halt)?;
+        if state.path.done || state.path.velocity == 0.0 {
+            return Some(cycles);
+        }
+        cycles += 1;
+    }
 }
 
 /// Every cycle of a motion, per section from rest to rest: the first cycle is at the start, and each further section

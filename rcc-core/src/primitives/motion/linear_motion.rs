@@ -58,6 +58,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             TURN[2],
             path_motion::SCALE,
             path_motion::TIME_OPTIMAL,
+            path_motion::STOPS,
             path_motion::ARM_ANGLE,
             path_motion::ELBOW,
         ],

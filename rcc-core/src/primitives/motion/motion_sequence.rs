@@ -83,6 +83,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             ),
             path_motion::SCALE,
             path_motion::TIME_OPTIMAL,
+            path_motion::STOPS,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -106,7 +107,7 @@ operands! {
         joints: Slot<Real>, flange_pose: Slot<Pose>, done: Slot<Bool>, progress: Slot<Real>,
         distance: Slot<Real>, flange_speed: Slot<Real>, flange_acceleration: Slot<Real>, leg: Slot<Int>,
         waiting: Slot<Bool>, unknown: Slot<Bool>, until_met: Slot<Bool>,
-        device: Device, path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool>,
+        device: Device, path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool>, stops: Slot<Int>,
         motion: Clock, width: u32, count: u32, condition_count: u32,
     }
 }
@@ -179,7 +180,7 @@ impl Prepare for MotionSequence {
             device: self.device.0,
             from: None,
             legs: legs.get(..used).unwrap_or(&[]),
-            pace: path_motion::pace(preparation, self.time_optimal),
+            pace: path_motion::pace(preparation, self.time_optimal, self.stops),
         };
         preparation.motions.path(self.motion.0, &request)
     }

@@ -3,7 +3,7 @@
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::{
     Leg, LegSignals, MotionLimits, MotionState, PathRequest, PathSegment, SpeedOverride,
-    SpeedProfile, leg_row,
+    SpeedProfile, StopReserve, leg_row,
 };
 use crate::pose::Pose;
 use crate::primitive::{
@@ -99,6 +99,7 @@ macro_rules! motion_operands {
                 angular_jerk: $crate::primitive::Slot<$crate::primitive::Real>,
                 scale: $crate::primitive::Slot<$crate::primitive::Real>,
                 time_optimal: $crate::primitive::Slot<$crate::primitive::Bool>,
+                stops: $crate::primitive::Slot<$crate::primitive::Int>,
                 arm_angle: $crate::primitive::Slot<$crate::primitive::Real>,
                 elbow: $crate::primitive::Slot<$crate::primitive::Int>,
             } $(, $size)?
@@ -116,6 +117,7 @@ macro_rules! motion_operands {
                     turn: [self.angular_velocity, self.angular_acceleration, self.angular_jerk],
                     scale: self.scale,
                     time_optimal: self.time_optimal,
+                    stops: self.stops,
                     arm_angle: self.arm_angle,
                     elbow: self.elbow,
                 };
@@ -209,6 +211,17 @@ pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
 )
 .default(DefaultValue::Bool(false));
 
+/// Words of [`STOPS`], by their numbers.
+const STOP_RESERVES: &[&str] = &["keep", "give"];
+
+/// What a time-optimal motion reserves for being slowed down.
+pub(super) const STOPS: Parameter = Parameter::new(
+    "stops",
+    ParameterKind::Word(STOP_RESERVES),
+    "for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds",
+)
+.default(DefaultValue::Word("keep"));
+
 /// The arm angle at the end.
 pub(super) const ARM_ANGLE: Parameter = Parameter::new(
     "arm_angle",
@@ -225,10 +238,15 @@ pub(super) const ELBOW: Parameter = Parameter::new(
 )
 .default(DefaultValue::Word("stays"));
 
-/// Returns the speed profile that `time_optimal` selects.
-pub(super) fn pace(preparation: &Preparation<'_>, time_optimal: Slot<Bool>) -> SpeedProfile {
-    match preparation.get(time_optimal) {
-        1 => SpeedProfile::TimeOptimal,
+/// Returns the speed profile that `time_optimal` and `stops` select.
+pub(super) fn pace(
+    preparation: &Preparation<'_>,
+    time_optimal: Slot<Bool>,
+    stops: Slot<Int>,
+) -> SpeedProfile {
+    match (preparation.get(time_optimal), preparation.get(stops)) {
+        (1, 1) => SpeedProfile::TimeOptimal(StopReserve::Give),
+        (1, _) => SpeedProfile::TimeOptimal(StopReserve::Keep),
         _ => SpeedProfile::Uniform,
     }
 }
@@ -241,6 +259,7 @@ pub(super) struct FlangeLimits {
     pub turn: [Slot<Real>; 3],
     pub scale: Slot<Real>,
     pub time_optimal: Slot<Bool>,
+    pub stops: Slot<Int>,
     pub arm_angle: Slot<Real>,
     pub elbow: Slot<Int>,
 }
@@ -268,7 +287,7 @@ impl FlangeLimits {
             device: device.0,
             from,
             legs: &[leg],
-            pace: pace(preparation, self.time_optimal),
+            pace: pace(preparation, self.time_optimal, self.stops),
         };
         preparation.motions.path(motion.0, &request)
     }

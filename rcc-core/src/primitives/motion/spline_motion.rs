@@ -36,6 +36,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             path_motion::FLANGE[5],
             path_motion::SCALE,
             path_motion::TIME_OPTIMAL,
+            path_motion::STOPS,
             path_motion::ARM_ANGLE,
             path_motion::ELBOW,
         ],
