@@ -512,8 +512,8 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     ];
     let six: [u32; 6] = std::array::from_fn(|place| limits + place as u32);
     // Even speed profile and constant arm angle: no arm angle is given, and the first keyword of each list.
-    let elbow = [given, 3];
-    let parameters = [&[0, to, from][..], &six, &[all, pause], &elbow].concat();
+    let (profile, elbow) = ([all, pause, 3], [given, 3]);
+    let parameters = [&[0, to, from][..], &six, &profile, &elbow].concat();
     plan.add(
         "LinearMotion",
         &[&inputs[..], &outputs, &parameters, &[0, 7]].concat(),

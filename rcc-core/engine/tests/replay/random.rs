@@ -83,9 +83,7 @@ impl RandomPlanBuilder<'_> {
             Role::Termination => true,
             Role::CommandsArm => self.arm_taken || !self.random.once_in(4),
             // Random numbers define a valid line, but rarely another path that the arm can follow.
-            Role::Motion => {
-                entry.spec.name != "LinearMotion" || !self.random.once_in(2) || self.data.clocks > 3
-            }
+            Role::Motion => entry.spec.name != "LinearMotion" || self.data.clocks > 3,
             _ => entry.kernels.is_empty(),
         };
         if !unwanted {
