@@ -82,7 +82,8 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
          builds up in 1 ms (jerk × 100), the remaining difference is mostly the reserve of our motions for stops. The \
          fastest known time law, available for some of the motions, respects the same limits of velocity, acceleration \
          and jerk, but reserves nothing for a stop either; a sequence of linear programs finds it within seconds, \
-         starting from ours and from TOPP-RA's: not a bound, but an existing time law. The last column is the duration \
+         starting from ours and from TOPP-RA's, or it is ours with `stops: give`: not a bound, but an existing time law. \
+         The last column is the duration \
          of our motions relative to that time law.\n\n",
         first.version
     );
@@ -91,7 +92,8 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
          `stops: give` of a time-optimal motion reserves 2 % of the limits of acceleration and jerk instead of 15 %. \
          *Duration, give* is relative to the same motion with `stops: keep`, *fastest known* relative to the fastest known \
          time law. *Stop* and *pause* are the seconds until the arm rests, begun at eight times of each motion, which \
-         are evenly distributed over it. Median (90 %, worst); all limits are kept in all of them.\n\n{}",
+         are evenly distributed over it. Median (90 %, worst). Whether every limit is kept with either of them, under random \
+         overrides, pauses and stops, is what `rcc-core/motion/tests/random_motions.rs` judges.\n\n{}",
         rows(RESERVES, &groups)
     );
     Ok(format!(

@@ -177,10 +177,9 @@ pub enum SpeedProfile {
 }
 
 /// What a time-optimal motion reserves of its limits, so that its time can be slowed down within them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StopReserve {
     /// Enough to be slowed down soon at any time.
-    #[default]
     Keep,
     /// Hardly anything: the motion ends sooner, but a pause or an override takes effect slowly, and a stop begins only
     /// where the time law can be left within the limits.

@@ -234,10 +234,10 @@ fn a_line_is_never_too_short_for_the_speed_that_is_given() {
     }
 }
 
-/// Over an obstacle: up, aside, down, with blended corners.
 const FASTEST: SpeedProfile = SpeedProfile::TimeOptimal(StopReserve::Keep);
 const FASTEST_GIVE: SpeedProfile = SpeedProfile::TimeOptimal(StopReserve::Give);
 
+/// Over an obstacle: up, aside, down, with blended corners.
 fn over(pace: SpeedProfile) -> MotionSet {
     let (models, holds) = ([lwr()], [Some(START)]);
     let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);

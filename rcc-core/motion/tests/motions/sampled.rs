@@ -32,10 +32,10 @@ pub struct Sampled {
     pub fastest: Vec<Vec<PathSample>>,
     /// Duration with the uniform profile and the time-optimal ones that keep and give their reserve, s.
     pub times_s: [f64; 3],
-    /// With the time-optimal profiles: the time to rest after a stop and after a pause, at [`HALTS`] times of the motion, s.
-    pub halts_s: [[Vec<f64>; 2]; 2],
-    /// The same with a jerk limit that is `jerk` times as high, s.
+    /// Duration with the first two of them and a jerk limit that is `jerk` times as high, s.
     pub loose_s: [f64; 2],
+    /// With each time-optimal profile: the time to rest after a stop and after a pause, at [`HALTS`] times of the motion, s.
+    pub halts_s: [[Vec<f64>; 2]; 2],
 }
 
 /// The motion of this seed, also with a jerk limit that is `jerk` times as high; `None` if it cannot be built.
@@ -92,8 +92,8 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         path: path.into_iter().map(apart).collect(),
         fastest,
         times_s: [uniform_s, fastest_s, give_s],
-        halts_s,
         loose_s,
+        halts_s,
     })
 }
 
