@@ -16,7 +16,7 @@ const SEED: u64 = 1;
 /// poses, and anywhere.
 const DISTANCES_RAD: [f64; 3] = [0.002, 0.2, f64::INFINITY];
 
-/// What was measured at one distance, sorted.
+/// The measurements at one distance, sorted.
 struct Measured {
     found: usize,
     ns: Vec<u64>,

@@ -126,7 +126,7 @@ fn explain_tells_how_each_motion_is_planned() {
         assert_eq!(time_scaling, "time-optimal", "{motion}");
         assert!((0.1..10.0).contains(duration_s), "{motion}: {duration_s} s");
     }
-    // What the net itself takes, in whole cycles.
+    // The duration of the net itself, in whole cycles.
     let file = "configs/nets/time-optimal.yaml";
     let (code, out, err) = run(&["--output", "json", "simulate", file]);
     assert_eq!(code, Some(0), "{out}{err}");

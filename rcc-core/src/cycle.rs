@@ -44,7 +44,7 @@ impl ReadyRun {
     }
 }
 
-/// What a cycle does, in order: the part of a plan that it reads.
+/// The steps of a cycle in their order: the part of a plan that it reads.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule<'a> {
     /// The runs of the plan.

@@ -29,7 +29,7 @@ struct Arguments {
     rounds: u32,
 }
 
-/// What looks at the cell.
+/// The viewers of the cell.
 struct Viewers {
     server: DashboardServer,
     pages: Vec<JoinHandle<u64>>,

@@ -110,7 +110,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
-        // What a driver in a repository of its own is made with.
+        // For drivers in repositories of their own.
         "rcc-driver-kit",
         &[
             "rcc-core",
@@ -150,7 +150,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     // Message types and files of recordings, for the monitor, for `replay` and for gateways.
     ("rcc-recording", &["rcc-core"]),
-    // What programs read that watch a cell, for the monitor and for gateways.
+    // For programs that watch a cell: the monitor and gateways.
     (
         "rcc-reading",
         &[

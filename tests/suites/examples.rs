@@ -20,7 +20,7 @@ fn example_nets() -> Vec<PathBuf> {
 struct ExampleCell {
     config: &'static str,
     simulator: &'static str,
-    /// What is replaced in the file.
+    /// Replacements in the file.
     replaced: &'static [(&'static str, &'static str)],
 }
 

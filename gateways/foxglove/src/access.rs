@@ -1,4 +1,4 @@
-//! Who may connect: requests to this server's own address, of programs and of known viewers' pages, with the token.
+//! Access to the server: requests to this server's own address, of programs and of known viewers' pages, with the token.
 //! Checked during the handshake, by the serving thread.
 //!
 //! WebSockets are not bound to the origin of a page: any page in any browser of this machine could connect to a port of

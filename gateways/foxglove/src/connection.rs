@@ -166,7 +166,7 @@ async fn write(
     }
 }
 
-/// What the tasks of one client share.
+/// State that the tasks of one client share.
 struct Client {
     server: Arc<Server>,
     viewer: u64,

@@ -1,7 +1,7 @@
 //! Gateway: Foxglove and Lichtblick watch a cell live. A process of its own that reads what monitors read and is a client of
 //! the loader; nothing here can delay a cycle.
 //!
-//! What a viewer gets is what `rcc-cli record` writes, in the same bytes (`rcc-reading` makes both): nets with a `ros2msg`
+//! A viewer gets the bytes that `rcc-cli record` writes (`rcc-reading` makes both): nets with a `ros2msg`
 //! schema of their own, joint states, frames, poses, wrenches, diagnostics, and events as logs.
 //!
 //! The server is written here, over `tokio-tungstenite`, and not taken from the crate `foxglove` (Foxglove's SDK), because

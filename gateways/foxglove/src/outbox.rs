@@ -1,4 +1,4 @@
-//! What one client has not taken yet. Bounded: of messages the oldest are dropped and counted, so that a client that reads
+//! Messages that one client has not taken yet. Bounded: of messages the oldest are dropped and counted, so that a client that reads
 //! slowly costs neither memory nor time of others; answers are never dropped, but a client that does not take them is
 //! disconnected. Filled by every thread without waiting, emptied by the client's task.
 

@@ -25,7 +25,7 @@ pub struct Server {
     pub cell: String,
     /// Clients may set parameters and call services.
     pub has_control: bool,
-    /// Who may connect.
+    /// The clients that may connect.
     pub access: Access,
     /// Clients and channels.
     pub viewers: Arc<Viewers>,

@@ -58,7 +58,7 @@ struct State {
     next_channel: u32,
     viewers: BTreeMap<u64, Viewer>,
     next_viewer: u64,
-    /// What every client is told when it comes, by id.
+    /// Messages for every new client, by id.
     statuses: BTreeMap<&'static str, String>,
 }
 

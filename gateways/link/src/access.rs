@@ -1,4 +1,4 @@
-//! Who may send what over a link with mutual TLS: Zenoh's access control, by the common names of certificates. Pure.
+//! Permissions to send over a link with mutual TLS: Zenoh's access control, by the common names of certificates. Pure.
 //!
 //! Everything that no rule allows is dropped in silence; the other side sees no answer.
 

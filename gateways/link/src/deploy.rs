@@ -19,7 +19,7 @@ use zenoh::Session;
 use crate::fleet::{CellRequest, FleetError, FoundCell};
 use crate::keys::{DeployStep, Operation};
 
-/// Where a text goes.
+/// The destination of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TextKind {
     /// A net: to every cell.

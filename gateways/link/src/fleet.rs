@@ -285,14 +285,14 @@ fn message(sample: &Sample) -> Option<CellMessage> {
     })
 }
 
-/// What a peer asks a cell for.
+/// A request of a peer to a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct CellRequest<'a> {
     /// The peer that asks, `SITE/NAME`.
     pub peer: &'a str,
     /// The cell that is asked, `SITE/CELL`.
     pub cell: &'a str,
-    /// What for.
+    /// The requested operation.
     pub operation: Operation,
     /// Name of the net, or of the cell whose configuration it is.
     pub net: &'a str,

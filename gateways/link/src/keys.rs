@@ -64,7 +64,7 @@ impl Operation {
 pub struct RequestKey {
     /// The cell that asks, `SITE/CELL`.
     pub peer: String,
-    /// What it asks for.
+    /// The requested operation.
     pub operation: Operation,
     /// Name of the net, or of the cell whose configuration it is.
     pub net: String,

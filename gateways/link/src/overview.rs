@@ -1,4 +1,4 @@
-//! What one line of the fleet's screen says of a cell: published once a second and at each change. JSON, so that any program
+//! The summary of a cell on the fleet's screen: published once a second and at each change. JSON, so that any program
 //! of the network can read it. Pure.
 
 use rcc_api::bodies::{CommandView, DeviceView, EventView, StatusView};

@@ -21,7 +21,7 @@ const EVENT_MIN: usize = 12;
 /// Keys in the last row.
 const KEYS: &str = "q quit";
 
-/// What is learnt of a cell, `SITE/CELL`.
+/// News about a cell, `SITE/CELL`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FleetNews {
     /// An incarnation of its executor is alive.

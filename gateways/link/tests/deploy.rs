@@ -15,7 +15,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 const NET: &str = "net: line\nprimitives: {}\n";
 const CELLS: [&str; 3] = ["lab/a", "lab/b", "lab/c"];
 
-/// What one cell does with requests: answers, or says why not, or ends without an answer.
+/// The behaviour of one cell: it answers a request, refuses it, or ends without an answer.
 type Behaviour = fn(operation: &str) -> Option<Result<&'static str, &'static str>>;
 
 /// Cells that answer, and what they were asked for.

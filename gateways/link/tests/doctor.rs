@@ -1,4 +1,4 @@
-//! What `rcc-link doctor` says of certificates, names and addresses, with certificates that the test makes and sessions that
+//! Verdicts of `rcc-link doctor` about certificates, names and addresses, with certificates that the test makes and sessions that
 //! answer on loopback. Run by the threads of the test harness.
 
 use std::io::{Read as _, Write as _};
@@ -312,7 +312,7 @@ fn the_gateway_has_its_own_name_at_the_address_where_it_listens() {
     );
 }
 
-/// What the device's driver would refuse when it starts is a fault here, too.
+/// A setting that the device's driver would refuse when it starts is a fault here, too.
 #[test]
 fn settings_that_the_driver_refuses_are_faults() {
     let authority = Authority::new();

@@ -1,4 +1,4 @@
-//! What the cell tells without being asked: states of commands, values of monitors and events, as one stream of the
+//! The messages that the cell sends by itself: states of commands, values of monitors and events, as one stream of the
 //! loader. One thread reads it, notes what concerns the gateway's nets, and wakes the engine.
 
 use std::time::Duration;

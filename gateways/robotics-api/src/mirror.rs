@@ -1,4 +1,4 @@
-//! What the core has of the gateway's nets and rules: a net is loaded again when it is needed, and a rule that has the same
+//! The gateway's nets and rules in the core: a net is loaded again when it is needed, and a rule that has the same
 //! meaning there is installed in the core too. Run by the engine and by the threads of connections.
 
 use std::sync::Arc;

@@ -15,7 +15,7 @@ use crate::raw::RawMessage;
 /// A publisher of messages that are encoded already.
 pub type RawPublisher = Publisher<RawMessage>;
 
-/// Where the node is.
+/// Name, DDS domain and transport of the node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodePlace {
     /// Name of the node.
@@ -36,7 +36,7 @@ pub enum NodeError {
     Name {
         /// The name.
         name: String,
-        /// What is wrong with it.
+        /// The fault.
         cause: String,
     },
     /// DDS refuses.
@@ -44,7 +44,7 @@ pub enum NodeError {
         "DDS refuses {what}: {cause}; is a network interface up, and the domain from 0 to 232?"
     )]
     Refused {
-        /// What was to be made.
+        /// The entity that was to be created.
         what: String,
         /// DDS's words.
         cause: String,

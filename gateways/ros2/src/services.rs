@@ -37,14 +37,14 @@ impl Message for TriggerRequest {}
 pub struct TriggerAnswer {
     /// True if it was done.
     pub success: bool,
-    /// What was done, or why not.
+    /// The action that was taken, or the reason of the refusal.
     pub message: String,
 }
 impl Message for TriggerAnswer {}
 
 type TriggerServer = Server<TriggerRequest, TriggerAnswer>;
 
-/// What a service does.
+/// The operation of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// START; the net is cancelled when this process is gone.

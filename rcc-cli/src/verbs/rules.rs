@@ -186,7 +186,7 @@ pub(super) fn recorded(rule: &RuleView) -> Option<String> {
     ))
 }
 
-/// What follows, one line for each kind.
+/// The consequences of a rule, one line for each kind.
 fn then(rule: &RuleView) -> String {
     let lists = [
         ("stop", &rule.stop),

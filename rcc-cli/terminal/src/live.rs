@@ -12,7 +12,7 @@ use rcc_core::printable::first_unprintable;
 /// Interval between two checks for keys.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What a live view shows.
+/// The content of a live view.
 pub trait LiveView {
     /// Draws the whole screen.
     fn draw(&self, frame: &mut Frame<'_>);

@@ -20,7 +20,7 @@ pub struct DriverProgram {
     pub program: String,
     /// Arguments before those that every driver gets.
     pub arguments: Vec<String>,
-    /// What its unit permits besides what every driver may do.
+    /// Permissions of its systemd unit beyond those of every driver.
     pub needs: Vec<DriverNeed>,
 }
 
@@ -33,7 +33,7 @@ pub struct OwnProgram {
     pub program: &'static str,
     /// The package that builds it.
     pub package: &'static str,
-    /// What its unit permits besides what every driver may do.
+    /// Permissions of its systemd unit beyond those of every driver.
     pub needs: &'static [DriverNeed],
 }
 

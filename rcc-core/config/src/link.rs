@@ -53,13 +53,13 @@ pub struct LinkConfig {
     pub publish: Vec<String>,
     /// Greatest rate of each topic, Hz.
     pub rate_hz: f64,
-    /// What others may do.
+    /// Permissions of other cells and people.
     pub rights: LinkRights,
     /// Files for mutual TLS; then all endpoints are `tls/…`.
     pub tls: Option<TlsFiles>,
 }
 
-/// What other cells and people, by `SITE/NAME`, may do besides reading and CANCEL.
+/// Permissions of other cells and people, by `SITE/NAME`, beyond reading and CANCEL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LinkRights {
     /// For each peer, the names of the nets that it may start.

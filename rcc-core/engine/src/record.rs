@@ -143,7 +143,7 @@ impl FlightRecorder {
         config: FlightRecorderConfig,
         devices: usize,
     ) -> (FlightRecorder, FlightRecorderHelper) {
-        // What vectors the processor has is found out by the first hash: here, not in a cycle.
+        // The first hash detects the processor's vector instructions: here, not in a cycle.
         hash::hash(&[], &[], [0; 3]);
         let period_ns = config.period_ns.max(1);
         let cycles = usize::try_from(config.span_ns / period_ns).unwrap_or(usize::MAX);

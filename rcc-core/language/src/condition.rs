@@ -53,7 +53,7 @@ pub enum ConditionTerm {
         port: String,
         /// The comparison.
         relation: Relation,
-        /// What the value is compared with, in the unit of the port; finite.
+        /// The limit that the value is compared with, in the unit of the port; finite.
         limit: f64,
     },
     /// `topic(flange/touches)`.
@@ -168,7 +168,7 @@ pub fn with_commands(text: &str, name_of: &dyn Fn(&str) -> String) -> String {
             let token = tokens.get(place.checked_sub(distance)?);
             token.map(|(_, token)| token)
         };
-        // What is compared with is no command, and neither is the name of a topic.
+        // The limit of a comparison is not a command, nor is the name of a topic.
         let is_value = matches!(
             before(1),
             Some(Token::Equal | Token::Unequal | Token::Compare(_))

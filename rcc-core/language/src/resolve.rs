@@ -215,7 +215,7 @@ impl<'a> Resolver<'a, '_> {
                 .iter()
                 .find(|(key, _)| key.name == parameter.name);
             let given = given.map(|(_, literal)| literal);
-            // What is missing may stand there under the unknown name.
+            // The missing parameter may be the one with the unknown name.
             if given.is_none() && parameter.default.is_none() && !has_unknown {
                 self.missing_parameter(primitive, parameter);
             }

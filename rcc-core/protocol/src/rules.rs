@@ -73,7 +73,7 @@ impl Relation {
     }
 }
 
-/// What a value is compared with; says in which arena the value is.
+/// The limit that a value is compared with; its variant is the arena of the value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Limit {
     /// For a `Real`, in the unit of the port.
@@ -124,7 +124,7 @@ pub enum RuleTerm {
         slot: u32,
         /// The comparison.
         relation: Relation,
-        /// What the value is compared with.
+        /// The limit that the value is compared with.
         limit: Limit,
     },
     /// A topic of type `Bool`; null while no running net publishes it.
@@ -159,7 +159,7 @@ impl RuleTerm {
     }
 }
 
-/// What a rule that records writes: the last seconds of the flight recorder, each time its condition becomes true.
+/// The recording of a rule: the last seconds of the flight recorder, each time its condition becomes true.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RuleRecording {
     /// Number of recordings after which the rule has fired, 1 to [`RULE_RECORDINGS_MAX`].

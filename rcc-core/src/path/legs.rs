@@ -176,7 +176,7 @@ pub enum SpeedProfile {
     TimeOptimal(StopReserve),
 }
 
-/// What a time-optimal motion reserves of its limits, so that its time can be slowed down within them.
+/// The part of its limits that a time-optimal motion reserves, so that its time can be slowed down within them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StopReserve {
     /// Enough to be slowed down soon at any time.

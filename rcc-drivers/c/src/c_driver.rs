@@ -37,7 +37,7 @@ pub const UNKNOWN_INPUTS: RawInputs = RawInputs {
     digital: [-1; 64],
 };
 
-/// What C finds in `rcc_exchange`.
+/// The initial value of `rcc_exchange` for C.
 pub const USUAL_EXCHANGE: RawExchange = RawExchange {
     mirror: [f64::NAN; 8],
     period_s: f64::NAN,
@@ -70,7 +70,7 @@ pub struct CDriver<T> {
     table: PhantomData<fn() -> T>,
 }
 
-/// What a user wants to know of the C code.
+/// Statistics of the C code, for the user.
 #[derive(Debug, Default)]
 struct Counters {
     exchanges: AtomicU64,

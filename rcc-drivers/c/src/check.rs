@@ -49,7 +49,7 @@ pub enum InvalidValue {
     },
 }
 
-/// What is checked against: the device, and the reasons of its driver.
+/// The reference of a check: the device, and the reasons of its driver.
 #[derive(Debug)]
 pub struct Expected<'a> {
     /// Joints of the arm; 0 for plain I/O.

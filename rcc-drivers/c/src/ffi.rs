@@ -1,7 +1,7 @@
 //! The boundary to C: the structures of `include/rcc_driver.h`, the table of a driver, calls of its functions, and the
 //! program that C starts. Run by the main thread (`rcc_driver_main`, `open`) and by the host's thread (all other functions).
 //!
-//! What C must keep is in the header: tables and texts live as long as the program, and a function writes only where the
+//! The obligations of C are in the header: tables and texts live as long as the program, and a function writes only where the
 //! header says so. Everything else is checked here or in [`crate::check`].
 #![allow(unsafe_code)] // Only in this file, in `ffi/program.rs` and in `ffi/table.rs`.
 
@@ -18,7 +18,7 @@ use table::Functions;
 pub(crate) use table::SettingRow;
 pub use table::{Description, TableError};
 
-/// What `open` is told, owned by Rust.
+/// Arguments of `open`, owned by Rust.
 #[derive(Debug)]
 pub(crate) struct OpenArguments {
     pub name: CString,

@@ -77,7 +77,7 @@ pub enum ObjectData {
     U32(u32),
 }
 
-/// How a session exchanges.
+/// Settings of a session.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SessionOptions {
     /// Where the line is connected.
@@ -108,7 +108,7 @@ pub struct TerminalImage {
     pub outputs: Vec<u8>,
 }
 
-/// What one exchange gave.
+/// The result of one exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
     /// The line is in SAFEOP, and no frame has been exchanged: the first outputs are wanted.
@@ -171,7 +171,7 @@ impl PortErrors {
     }
 }
 
-/// What a session exchanges for.
+/// The user of a session's process data.
 pub trait Application {
     /// Returns true if the session must end: asked all the time while it starts, and after each exchange.
     fn must_end(&self) -> bool {

@@ -12,7 +12,7 @@ pub const MAILBOX_OUT: u16 = 0x1000;
 /// First address of the mailbox that the MainDevice reads.
 pub const MAILBOX_IN: u16 = 0x1080;
 
-/// What the channels of a terminal are.
+/// The kind of a terminal's channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channels {
     /// Inputs of 1 bit.

@@ -20,7 +20,7 @@ pub struct FaultRecord {
     pub reason: String,
 }
 
-/// What all simulated robots tell.
+/// The state that every simulated robot reports.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotSnapshot {
     /// Cycles since the start.

@@ -1,4 +1,4 @@
-//! What every simulated robot behind FRI has: its arm, what acts on it, the set-point, simulated faults of the connection, and the
+//! The common part of simulated robots behind FRI: arm, environment, set-point, simulated faults of the connection, and the
 //! history of its own faults.
 //! Plain data and pure functions; run by the clock thread once per tick.
 
@@ -55,7 +55,7 @@ pub struct SimulatedRobot {
     pub arm: SimulatedArm,
     /// Springs, dampers and what is added to them.
     pub impedance: ImpedanceSettings,
-    /// What acts on the flange.
+    /// The forces on the flange.
     pub environment: Environment,
     /// Pose and Jacobian of the flange.
     pub geometry: Geometry,

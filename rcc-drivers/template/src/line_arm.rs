@@ -70,7 +70,7 @@ pub struct LineArm {
     refused: u64,
 }
 
-/// What a line of the controller says.
+/// A line of text from the controller.
 #[derive(Clone, Copy, Debug)]
 struct ArmLine {
     number: u64,

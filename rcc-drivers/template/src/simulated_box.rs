@@ -18,7 +18,7 @@ pub struct SimulatedBox {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the thread shares with its owner. The flags publish no other data: Relaxed.
+/// State that the thread shares with its owner. The flags publish no other data: Relaxed.
 #[derive(Debug, Default)]
 struct Shared {
     outputs: Mutex<BTreeMap<String, f64>>,

@@ -1,4 +1,4 @@
-//! Who may use a listener: the token of TCP, and the group of the socket.
+//! Access to a listener: the token of TCP, and the group of the socket.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Who may use the dashboard: requests to this machine's own address, from its own pages, with the token. Checked before
+//! Access to the dashboard: requests to this machine's own address, from its own pages, with the token. Checked before
 //! any other handler, by the serving thread.
 //!
 //! The token is in the first address and becomes a cookie that scripts cannot read, because a browser's `EventSource`

@@ -103,7 +103,7 @@ fn reexported(code: &str) -> Vec<(Place, String)> {
 #[derive(Default)]
 struct Package {
     code: BTreeMap<Place, String>,
-    /// What names of modules stand for, if they are re-exports.
+    /// The targets of re-exports, by name of the module.
     reexports: BTreeMap<Place, Place>,
 }
 

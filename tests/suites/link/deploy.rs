@@ -92,7 +92,7 @@ fn a_cell_that_fails_in_the_middle_stops_the_deployment_and_the_way_back_works()
     let (told, done) = fleet.link(OFFICE, &back);
     assert!(done, "{told}");
     assert_eq!(fleet.nets(), ["", "", ""]);
-    // What was not deployed is not withdrawn.
+    // A net that was not deployed is not withdrawn.
     let own = fleet.cells[0].load(HOLD);
     let (told, done) = fleet.link(OFFICE, &["withdraw", &format!("lab-a/test/hold#{own}")]);
     assert!(

@@ -30,7 +30,7 @@ pub(super) struct Requests {
     _rights: Queryable<()>,
 }
 
-/// What a peer asks the first thread for.
+/// A request of a peer to the first thread.
 enum Asked {
     Start(RequestKey),
     Cancel(RequestKey),

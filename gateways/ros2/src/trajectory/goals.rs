@@ -161,7 +161,7 @@ mod tests {
             table.refuse(GoalId::new_random(), Outcome::default());
         }
         assert!(table.of(first).is_none() && table.of(living).is_some());
-        // What was refused has no state.
+        // A refused goal has no state.
         assert_eq!(table.statuses().status_list.len(), 1);
     }
 }

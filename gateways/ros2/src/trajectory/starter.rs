@@ -24,7 +24,7 @@ pub struct StartedGoal {
     pub command: u64,
     /// Names of the joints.
     pub joints: Vec<String>,
-    /// What is asked for.
+    /// The requested motion.
     pub motion: GoalMotion,
     /// Positions at the end, rad.
     pub end: Vec<f64>,

@@ -24,7 +24,7 @@ const COMMAND: u64 = 0x1005;
 /// Field 1 of a Sunrise message: its identifier 0x00245142 in protobuf encoding.
 const SUNRISE: [u8; 5] = [0x08, 0xc2, 0xa2, 0x91, 0x01];
 
-/// Where the controller's side of the connection is configured.
+/// The place of the controller's configuration of the connection.
 struct ControllerSide {
     network: &'static str,
     host: &'static str,

@@ -24,7 +24,7 @@ fn peer(facts: &LinkFacts) -> Option<&str> {
     facts.link()["peer"].as_str()
 }
 
-/// What tells more about the connection.
+/// The facts about the certificates of the connection.
 fn verification(facts: &LinkFacts) -> String {
     format!(
         "`rcc-link doctor --config {}` says who answers at each endpoint, and which side refuses",

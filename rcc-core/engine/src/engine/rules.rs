@@ -156,7 +156,7 @@ impl<B: DeviceBoards> Engine<B> {
         armed.then(|| self.judge_rule(&installed.rule, &installed.rows))?
     }
 
-    /// What follows from the judgement of an armed rule: it records or is due, or it expires if commands have changed so
+    /// Acts on the judgement of an armed rule: it records or is due, or it expires if commands have changed so
     /// that it can never fire.
     fn act_on(&mut self, slot: usize, holds: bool, recheck: bool) {
         let Some(&InstalledRule { rule, .. }) = self.rules.get(slot) else {

@@ -37,7 +37,7 @@ pub struct Scope<'s> {
     pub values: Vec<(Value, Span)>,
 }
 
-/// What the terms of all expressions of one net or fragment have in common.
+/// State that the terms of all expressions of one net or fragment share.
 #[derive(Default)]
 pub struct Terms {
     /// Inputs of the fragment.

@@ -55,7 +55,7 @@ impl<'a> Resolver<'a, '_> {
                 Some((_, source)) => self.resolve_source(source, port),
                 None => match port.default {
                     Some(default) => InputSource::Default(default),
-                    // What is missing may stand there under the unknown name.
+                    // The missing input may be the one with the unknown name.
                     None if has_unknown => InputSource::Refused,
                     None => InputSource::Missing,
                 },

@@ -39,9 +39,9 @@ pub enum PathLimitsError {
     Order {
         /// The piece, counted from 0.
         piece: usize,
-        /// Where the piece before it ends.
+        /// The end of the piece before it.
         begin_s: f64,
-        /// Where it ends.
+        /// The end of the piece.
         end_s: f64,
     },
     /// No pieces were given.

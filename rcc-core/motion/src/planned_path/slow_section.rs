@@ -1,4 +1,4 @@
-//! What makes an even motion slower than its path and its limits require, and where. Used when a motion is built.
+//! The limit that makes an even motion slower than its path requires, and its place. Used when a motion is built.
 
 use rcc_core::path::Quantity;
 

@@ -44,7 +44,7 @@ const EVENED: usize = 8;
 /// The first spline has this fraction of the intervals.
 const COARSE: usize = 2;
 
-/// What a law leaves to its clock.
+/// The reserve of a law for its clock.
 struct LawReserve {
     /// Fraction of the limits of acceleration and jerk that is reserved where the first law is fastest.
     fraction: f64,

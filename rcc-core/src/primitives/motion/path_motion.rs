@@ -214,7 +214,7 @@ pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
 /// Words of [`STOPS`], by their numbers.
 const STOP_RESERVES: &[&str] = &["keep", "give"];
 
-/// What a time-optimal motion reserves for being slowed down.
+/// The reserve of a time-optimal motion for being slowed down.
 pub(super) const STOPS: Parameter = Parameter::new(
     "stops",
     ParameterKind::Word(STOP_RESERVES),

@@ -214,7 +214,7 @@ pub fn read(
     Ok(found)
 }
 
-/// What the settings of a kind of joint are called, and what is expected of them.
+/// Names and expected values of the settings of a kind of joint.
 struct JointWords {
     unit: Unit,
     /// Key of the resolution, and that of the other kind.

@@ -1,4 +1,4 @@
-//! What `rcc-cli doctor device` reads about the line. Written by the session's and the host's threads, read by any thread;
+//! Statistics of the line for `rcc-cli doctor device`. Written by the session's and the host's threads, read by any thread;
 //! the values are atomics that publish no other data, hence Relaxed.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};

@@ -20,7 +20,7 @@ use crate::session::{
 /// Pause between two sessions.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// What the two threads share.
+/// State that the two threads share.
 #[derive(Debug)]
 pub struct Shared {
     state: Mutex<LineState>,

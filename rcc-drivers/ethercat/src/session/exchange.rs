@@ -26,7 +26,7 @@ const ERRORS_EVERY: Duration = Duration::from_millis(250);
 
 /// A line whose process data are exchanged, with distributed clocks or without.
 trait ExchangingGroup {
-    /// What an answer has besides working counter and states.
+    /// Content of an answer beyond working counter and states.
     type Extra;
 
     /// Exchanges once; with distributed clocks also returns the time from now until the next exchange.

@@ -19,7 +19,7 @@ pub struct Clock {
     /// Local time at the time 0 of the line, ns.
     origin_ns: i64,
     drift_ppm: i64,
-    /// What the control loop has added, ns.
+    /// Correction by the control loop, ns.
     correction_ns: i64,
     /// SubDevices before it, and behind it.
     place: [i64; 2],

@@ -66,7 +66,7 @@ impl DriveState {
     }
 }
 
-/// What the axis needs of the settings.
+/// The settings that concern the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveSettings {
     /// Mode of operation.

@@ -10,7 +10,7 @@ const HEADERS: usize = 16;
 /// Length of a datagram's header, bytes.
 const DATAGRAM_HEADER: usize = 10;
 
-/// What a datagram asks for.
+/// The access that a datagram requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Nothing.
@@ -43,7 +43,7 @@ pub enum Addressing {
 pub struct Command {
     /// Whom it addresses.
     pub addressing: Addressing,
-    /// What it asks for.
+    /// The requested access.
     pub access: Access,
 }
 

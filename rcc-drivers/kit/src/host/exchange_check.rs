@@ -35,7 +35,7 @@ pub enum ImpossibleExchange {
     Quality(u32),
 }
 
-/// What the values of one device must fit.
+/// The ranges and types that the values of one device must have.
 #[derive(Clone, Copy, Debug)]
 pub struct ExchangeCheck {
     /// Bit i: the device has digital input i.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-/// What the program is told: `{"frame": 17, "outputs": {"lamp": true, "gain": null}}`.
+/// A message to the program: `{"frame": 17, "outputs": {"lamp": true, "gain": null}}`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
     outputs: Map<String, Value>,
@@ -30,7 +30,7 @@ impl Frame {
     }
 }
 
-/// What the program answers: `{"frame": 17, "values": {"x": 0.31, "found": true}}`.
+/// An answer of the program: `{"frame": 17, "values": {"x": 0.31, "found": true}}`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Answer {

@@ -168,7 +168,7 @@ pub struct Settings {
     pub signals: Vec<StationSignal>,
     /// Outputs that are looped back to inputs.
     pub loopbacks: Vec<SignalLoopback>,
-    /// What every simulated arm has.
+    /// Settings of every simulated arm.
     pub robot: RobotSettings,
 }
 

@@ -87,7 +87,7 @@ impl CabinetCounts {
 /// The whole state at one moment, for the control port.
 #[derive(Clone, Debug, Serialize)]
 pub struct Snapshot {
-    /// What all simulated robots tell.
+    /// The state that every simulated robot reports.
     #[serde(flatten)]
     pub robot: RobotSnapshot,
     /// State of the session: `idle`, `monitoring-wait`, `monitoring-ready`, `commanding-wait`, `commanding-active`.

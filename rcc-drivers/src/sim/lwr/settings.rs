@@ -44,7 +44,7 @@ impl EntryQuality {
     }
 }
 
-/// Who acknowledges a fault.
+/// The side that acknowledges a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Acknowledge {
     /// The KRL program, once the arm has been at rest for a while and the PC mirrors. It never acknowledges an
@@ -87,7 +87,7 @@ pub struct Settings {
     /// Control strategy, `$STIFFNESS.STRATEGY`, at the start: 10 position, 20 Cartesian, 30 joint impedance. The KRL
     /// program may change it in monitor mode.
     pub strategy: ControlLaw,
-    /// Who acknowledges a fault.
+    /// The side that acknowledges a fault.
     pub acknowledge: Acknowledge,
     /// Factor on velocity and acceleration limits (argument of `friStart`), 0 to 1.
     pub safety_limits: f64,
@@ -95,7 +95,7 @@ pub struct Settings {
     pub boolean_wires: Vec<KrlLoopback>,
     /// Reals that are looped back.
     pub real_wires: Vec<KrlLoopback>,
-    /// What every simulated arm has.
+    /// Settings of every simulated arm.
     pub robot: RobotSettings,
 }
 

@@ -75,7 +75,7 @@ pub struct KrlVariables {
 /// The whole state at one moment, for the control port.
 #[derive(Clone, Debug, Serialize)]
 pub struct Snapshot {
-    /// What all simulated robots tell.
+    /// The state that every simulated robot reports.
     #[serde(flatten)]
     pub robot: RobotSnapshot,
     /// Control strategy.

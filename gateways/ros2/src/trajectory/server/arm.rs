@@ -36,7 +36,7 @@ pub(super) struct WantedGoal {
     goal: Box<Goal>,
 }
 
-/// What has become of it.
+/// News about a goal.
 pub(super) struct GoalNews {
     pub device: String,
     request: RmwRequestId,

@@ -2,7 +2,7 @@
 
 use super::section_table::{LimitedQuantity, Slopes};
 
-/// What the clock of a law may use of the limits, so that it can slow down at any time: its greatest acceleration (per
+/// The part of the limits that the clock of a law may use to slow down at any time: its greatest acceleration (per
 /// s²) and jerk (per s³). Both 0: nothing is reserved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct ClockReserve {

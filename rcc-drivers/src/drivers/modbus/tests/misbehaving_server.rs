@@ -13,7 +13,7 @@ use super::super::Modbus;
 use rcc_driver_kit::conformance::{self, ChannelRow};
 use rcc_driver_kit::driver::{Driver, Inputs, LinkError, Outputs};
 
-/// How the server answers; it executes at once.
+/// The behaviour of the server; it executes requests at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Misbehavior {
     Well,
