@@ -10,9 +10,6 @@ use rcc_bench::straight::{ALL, CycleProgram, GraphInputs};
 
 use crate::table::{digits, spread, table, verdict};
 
-/// The column of the ratio of the interpreter to straight-line code.
-const RATIO: usize = 5;
-
 /// The gain for every graph from which on a compiler to native code would be worth its weight.
 const NATIVE_GAIN: f64 = 3.0;
 
@@ -27,11 +24,15 @@ fn goal(mix: &str, size: usize) -> f64 {
 
 /// Returns the section of the page; see the module.
 pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
-    let mut rows = Vec::new();
+    let (mut rows, mut low) = (Vec::new(), Vec::new());
     for mix in MIXES {
         for size in SIZES {
             eprintln!("performance: {mix}_{size}");
-            rows.push(row(mix, size, effort)?);
+            let (cells, ratio) = row(mix, size, effort)?;
+            if ratio.is_some_and(|ratio| ratio < NATIVE_GAIN) {
+                low.push(format!("`{mix}_{size}`"));
+            }
+            rows.push(cells);
         }
     }
     let head = [
@@ -43,11 +44,6 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         "ratio",
         "goal",
     ];
-    let ratios = rows.iter().map(|row| (&row[0], row[RATIO].parse::<f64>()));
-    let low: Vec<String> = ratios
-        .filter(|(_, ratio)| ratio.as_ref().is_ok_and(|it| *it < NATIVE_GAIN))
-        .map(|(name, _)| format!("`{name}`"))
-        .collect();
     let native = match low.as_slice() {
         [] => String::new(),
         low => format!(
@@ -71,7 +67,12 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     ))
 }
 
-fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Error>> {
+/// Returns the cells of a graph's row, and the ratio of the interpreter to straight-line code, if that was built.
+fn row(
+    mix: &str,
+    size: usize,
+    effort: Effort,
+) -> Result<(Vec<String>, Option<f64>), Box<dyn Error>> {
     let name = format!("{mix}_{size}");
     let graph = Graph::load(mix, size)?;
     let mut instance = GraphInstance::new(&graph)?;
@@ -107,17 +108,17 @@ fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Er
     let text = |figure: Option<TimeStats>| {
         figure.map_or("–".to_owned(), |figure| digits(figure.median / nodes))
     };
-    Ok(vec![
+    let ratio = straight(true).map(|figure| figures[0].median / figure.median);
+    let cells = vec![
         name,
         spread(figures[0], nodes),
         digits(figures[0].median / primitives),
         text(straight(true)),
         text(straight(false)),
-        straight(true).map_or("–".to_owned(), |figure| {
-            digits(figures[0].median / figure.median)
-        }),
+        ratio.map_or("–".to_owned(), digits),
         verdict(ours, goal(mix, size)),
-    ])
+    ];
+    Ok((cells, ratio))
 }
 
 /// Checks that every subject computes what the graph's file expects.

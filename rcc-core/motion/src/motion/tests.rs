@@ -262,14 +262,7 @@ fn over(pace: SpeedProfile) -> MotionSet {
 
 #[test]
 fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_the_jerk_allows() {
-    let duration = |mut motions: MotionSet| {
-        let cycle = (0..20_000).find(|_| step(&mut motions, false).path.done);
-        cycle.expect("an end")
-    };
-    let (sooner, later) = (
-        duration(over(FASTEST)),
-        duration(over(SpeedProfile::Uniform)),
-    );
+    let [(sooner, _), (later, _)] = [FASTEST, SpeedProfile::Uniform].map(end_of);
     assert!(sooner < later, "the time law has begun: {sooner} {later}");
     for cycles in [1, 2, 10, 30, 50] {
         let mut motions = over(FASTEST);
@@ -381,11 +374,8 @@ fn an_even_motion_that_is_slow_says_how_much_and_why() {
     let [(0, slow)] = slow[..] else {
         panic!("{slow:?}");
     };
-    let took = |mut motions: MotionSet| {
-        let cycle = (0..20_000).find(|_| step(&mut motions, false).path.done);
-        cycle.map_or(f64::NAN, |cycle| f64::from(cycle) * DT)
-    };
-    let (even_s, fastest_s) = (took(over(SpeedProfile::Uniform)), took(over(FASTEST)));
+    let [even_s, fastest_s] =
+        [SpeedProfile::Uniform, FASTEST].map(|pace| end_of(pace).0 as f64 * DT);
     assert!(
         (slow.takes_s - even_s).abs() < 2.0 * DT,
         "{slow:?} {even_s}"

@@ -14,12 +14,6 @@ pub type PathSample = (f64, Joints);
 /// Number of times at which a motion is stopped and paused, evenly distributed over it.
 pub const HALTS: usize = 8;
 
-/// The time-optimal profiles.
-const FASTEST: [SpeedProfile; 2] = [
-    SpeedProfile::TimeOptimal(StopReserve::Keep),
-    SpeedProfile::TimeOptimal(StopReserve::Give),
-];
-
 /// A path with the tested timing.
 pub struct Sampled {
     /// Number of joints of the arm.
@@ -49,30 +43,26 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
     }
     let run = |robot: &TestRobot, pace| {
         let motion = build(robot, (&drawn, &legs), pace)?;
-        let run = run(motion, SpeedOverride::RUN)?;
+        let run = run(motion.clone(), SpeedOverride::RUN)?;
         let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
-        Some((cycles as f64 * drawn.dt_s, run))
+        Some((cycles as f64 * drawn.dt_s, run, motion))
     };
-    let (uniform_s, _) = run(robot, SpeedProfile::Uniform)?;
-    let [keep, give] = FASTEST;
-    let (fastest_s, fastest) = run(robot, keep)?;
-    let (give_s, _) = run(robot, give)?;
+    let [keep, give] = [StopReserve::Keep, StopReserve::Give].map(SpeedProfile::TimeOptimal);
+    let (uniform_s, ..) = run(robot, SpeedProfile::Uniform)?;
+    let (fastest_s, fastest, kept) = run(robot, keep)?;
+    let (give_s, _, given) = run(robot, give)?;
     let loose_s = [run(&loose, SpeedProfile::Uniform)?.0, run(&loose, keep)?.0];
-    let mut halts_s = [[const { Vec::new() }; 2], [const { Vec::new() }; 2]];
-    for (halts_s, (pace, duration_s)) in halts_s
-        .iter_mut()
-        .zip(FASTEST.iter().zip([fastest_s, give_s]))
-    {
-        let motion = build(robot, (&drawn, &legs), *pace)?;
+    let halts_s = |motion: &MotionSet, duration_s: f64| {
         let cycles = (duration_s / drawn.dt_s) as usize;
-        for number in 0..HALTS {
-            let after = cycles * (2 * number + 1) / (2 * HALTS);
-            for (durations, halt) in halts_s.iter_mut().zip([SpeedOverride::STOP, PAUSE]) {
-                let cycles = cycles_to_rest(motion.clone(), after, halt)?;
-                durations.push(cycles as f64 * drawn.dt_s);
-            }
-        }
-    }
+        let times = || (0..HALTS).map(|number| cycles * (2 * number + 1) / (2 * HALTS));
+        let durations = |halt| {
+            let rest = |after| cycles_to_rest(motion.clone(), after, halt);
+            let durations = times().map(|after| Some(rest(after)? as f64 * drawn.dt_s));
+            durations.collect::<Option<Vec<f64>>>()
+        };
+        Some([durations(SpeedOverride::STOP)?, durations(PAUSE)?])
+    };
+    let halts_s = [halts_s(&kept, fastest_s)?, halts_s(&given, give_s)?];
     let slowly = SpeedOverride {
         speed: (uniform_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
