@@ -71,6 +71,12 @@ impl SpeedOverride {
         speed: 1.0,
     };
 
+    /// Comes to rest until it may continue.
+    pub const PAUSE: SpeedOverride = SpeedOverride {
+        pause: true,
+        ..SpeedOverride::RUN
+    };
+
     /// Comes to rest permanently.
     pub const STOP: SpeedOverride = SpeedOverride {
         stop: true,

@@ -46,10 +46,7 @@ pub trait Random {
             ..SpeedOverride::RUN
         };
         match self.below(12) {
-            0..3 => SpeedOverride {
-                pause: true,
-                ..SpeedOverride::RUN
-            },
+            0..3 => SpeedOverride::PAUSE,
             3 => at(0.0),
             4..7 => SpeedOverride::RUN,
             7 => at(self.log_uniform(1e-3, 1.0)),

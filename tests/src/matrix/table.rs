@@ -120,7 +120,7 @@ $ cargo run -p rcc-tests --example crash_matrix -- --write docs/crashes.md
 ```
 
 The endurance program keeps a moving cell under load from all sides, in which drivers, the loader and monitors are killed
-again and again; its table explains each late cycle and counts everything that a leak would increase:
+again and again; its table ([one hour](endurance.md)) explains each late cycle and counts everything that a leak would increase:
 
 ```console
 $ cargo run -p rcc-tests --example endurance -- --minutes 60 --restarts 2000 --monitors 10000 --pairs 500 --executor-pairs 10

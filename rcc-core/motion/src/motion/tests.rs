@@ -327,16 +327,12 @@ fn end_of(pace: SpeedProfile) -> (usize, MotionState) {
 fn a_motion_that_gives_its_reserve_ends_sooner_and_pauses_later() {
     let [(kept, _), (given, _)] = [FASTEST, FASTEST_GIVE].map(end_of);
     assert!(given < kept, "{given} {kept}");
-    const PAUSE: SpeedOverride = SpeedOverride {
-        pause: true,
-        ..SpeedOverride::RUN
-    };
     let slowest = [FASTEST, FASTEST_GIVE].map(|pace| {
         let mut motions = over(pace);
         for _ in 0..100 {
             step(&mut motions, false);
         }
-        let states = (0..100).map(|_| motions.step(0, PAUSE).expect("a motion"));
+        let states = (0..100).map(|_| motions.step(0, SpeedOverride::PAUSE).expect("a motion"));
         states.map(|state| state.path.velocity).fold(1.0, f64::min)
     });
     let [with_reserve, with_hardly_any] = slowest;

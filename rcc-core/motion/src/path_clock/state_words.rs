@@ -95,7 +95,7 @@ impl PathClock {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{RUN, line, stairs, stop};
+    use super::super::tests::{RUN, STOP, line, stairs};
     use super::*;
 
     #[test]
@@ -106,7 +106,7 @@ mod tests {
                 for cycle in 0..3000 {
                     let mut copy = PathClock::from_words(&clock.words());
                     assert_eq!(copy, clock, "cycle {cycle}");
-                    let speed_override = if cycle >= stop_at { stop() } else { RUN };
+                    let speed_override = if cycle >= stop_at { STOP } else { RUN };
                     assert_eq!(
                         copy.step(&bounds, speed_override),
                         clock.step(&bounds, speed_override),
@@ -132,7 +132,7 @@ mod tests {
         for word in [0, u64::MAX, 0x7ff8_0000_0000_0000, 1, 0x3ff0_0000_0000_0010] {
             let mut clock = PathClock::from_words(&[word; CLOCK_WORDS]);
             for step in 0..10 {
-                clock.step(&stairs(), if step > 5 { stop() } else { RUN });
+                clock.step(&stairs(), if step > 5 { STOP } else { RUN });
             }
         }
     }

@@ -19,13 +19,8 @@ const LINE: PathLimits = PathLimits {
 
 pub(super) const RUN: SpeedOverride = SpeedOverride::RUN;
 
-pub(super) fn stop() -> SpeedOverride {
-    SpeedOverride { stop: true, ..RUN }
-}
-
-fn pause() -> SpeedOverride {
-    SpeedOverride { pause: true, ..RUN }
-}
+pub(super) const STOP: SpeedOverride = SpeedOverride::STOP;
+const PAUSE: SpeedOverride = SpeedOverride::PAUSE;
 
 fn at(speed: f64) -> SpeedOverride {
     SpeedOverride { speed, ..RUN }
@@ -106,13 +101,13 @@ fn a_path_without_length_is_done_at_once() {
     let bounds = PathBounds::of_limits(&nowhere, DT).unwrap();
     let mut clock = PathClock::new();
     assert_eq!(clock.step(&bounds, RUN), done(0.0));
-    assert_eq!(clock.step(&bounds, stop()), stopped(0.0));
+    assert_eq!(clock.step(&bounds, STOP), stopped(0.0));
 }
 
 #[test]
 fn a_stop_before_the_start_never_moves() {
     let mut clock = PathClock::new();
-    assert_eq!(clock.step(&line(), stop()), stopped(0.0));
+    assert_eq!(clock.step(&line(), STOP), stopped(0.0));
     assert_eq!(clock.step(&line(), RUN).s, 0.0);
 }
 
@@ -120,7 +115,7 @@ fn a_stop_before_the_start_never_moves() {
 fn a_pause_before_the_start_waits() {
     let mut clock = PathClock::new();
     for _ in 0..10 {
-        assert_eq!(clock.step(&line(), pause()), resting(0.0));
+        assert_eq!(clock.step(&line(), PAUSE), resting(0.0));
         assert_eq!(clock.step(&line(), at(0.0)), resting(0.0));
         assert_eq!(clock.step(&line(), at(f64::NAN)), resting(0.0));
     }
@@ -134,7 +129,7 @@ fn a_stop_changes_the_step_that_asks_for_it() {
     for _ in 0..500 {
         assert_eq!(stopped.step(&line(), RUN), free.step(&line(), RUN));
     }
-    let (stopped, free) = (stopped.step(&line(), stop()), free.step(&line(), RUN));
+    let (stopped, free) = (stopped.step(&line(), STOP), free.step(&line(), RUN));
     assert!(stopped.stopping && stopped.velocity < free.velocity);
     // One cycle of full jerk from cruising.
     assert!((stopped.acceleration + LINE.jerk * DT).abs() < 1e-12);
@@ -143,11 +138,7 @@ fn a_stop_changes_the_step_that_asks_for_it() {
 
 #[test]
 fn a_stop_cannot_be_taken_back() {
-    let states = run(
-        &line(),
-        10_000,
-        |step| if step == 700 { stop() } else { RUN },
-    );
+    let states = run(&line(), 10_000, |step| if step == 700 { STOP } else { RUN });
     let last = states.last().unwrap();
     assert!(last.done && last.stopping && last.s < LINE.length);
     assert_eq!((last.velocity, last.acceleration), (0.0, 0.0));
@@ -159,12 +150,12 @@ fn a_pause_comes_to_rest_like_a_stop_and_goes_on_afterwards() {
     let pausing = run(
         &line(),
         10_000,
-        |step| if paused(step) { pause() } else { RUN },
+        |step| if paused(step) { PAUSE } else { RUN },
     );
     let stopping = run(
         &line(),
         10_000,
-        |step| if paused(step) { stop() } else { RUN },
+        |step| if paused(step) { STOP } else { RUN },
     );
     let rest = stopping.last().unwrap().s;
     assert_eq!(pausing[2999], resting(rest));
@@ -174,15 +165,11 @@ fn a_pause_comes_to_rest_like_a_stop_and_goes_on_afterwards() {
 #[test]
 fn a_pause_may_become_a_stop() {
     let states = run(&line(), 10_000, |step| match step {
-        700..720 => pause(),
-        720.. => stop(),
+        700..720 => PAUSE,
+        720.. => STOP,
         _ => RUN,
     });
-    let direct = run(
-        &line(),
-        10_000,
-        |step| if step >= 700 { stop() } else { RUN },
-    );
+    let direct = run(&line(), 10_000, |step| if step >= 700 { STOP } else { RUN });
     assert_eq!(states.last(), direct.last());
     assert_eq!(states.len(), direct.len());
 }
@@ -193,8 +180,8 @@ fn it_stays_at_the_end() {
     let ends = (0..10_000).find(|_| clock.step(&line(), RUN).done);
     assert!(ends.is_some());
     assert_eq!(clock.step(&line(), RUN), done(LINE.length));
-    assert_eq!(clock.step(&line(), pause()), done(LINE.length));
-    assert_eq!(clock.step(&line(), stop()), stopped(LINE.length));
+    assert_eq!(clock.step(&line(), PAUSE), done(LINE.length));
+    assert_eq!(clock.step(&line(), STOP), stopped(LINE.length));
 }
 
 #[test]

@@ -60,7 +60,10 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
             let durations = times().map(|after| Some(rest(after)? as f64 * drawn.dt_s));
             durations.collect::<Option<Vec<f64>>>()
         };
-        Some([durations(SpeedOverride::STOP)?, durations(PAUSE)?])
+        Some([
+            durations(SpeedOverride::STOP)?,
+            durations(SpeedOverride::PAUSE)?,
+        ])
     };
     let halts_s = [halts_s(&kept, fastest_s)?, halts_s(&given, give_s)?];
     let slowly = SpeedOverride {
@@ -86,11 +89,6 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         halts_s,
     })
 }
-
-const PAUSE: SpeedOverride = SpeedOverride {
-    pause: true,
-    ..SpeedOverride::RUN
-};
 
 /// The number of cycles until the motion rests if it is halted after some cycles.
 fn cycles_to_rest(mut motion: MotionSet, after: usize, halt: SpeedOverride) -> Option<usize> {

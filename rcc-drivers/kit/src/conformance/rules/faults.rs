@@ -3,14 +3,22 @@
 
 use rcc_core::message::{DeviceState, SetPoint};
 
-use super::super::Subject;
 use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::with_seeds;
+use super::super::{Subject, Transport};
 use super::rest::{TestMotion, motion_of};
 use crate::proxy::FaultRates;
 
-/// Number of exchanges under faults: of an arm (in virtual time), and of a device that has its own clock.
-const EXCHANGES: [usize; 2] = [4000, 150];
+/// Returns the number of exchanges under faults: many in virtual time; with a device that has its own clock, a few motions
+/// of an arm or a few switches of outputs.
+fn exchanges<S: Subject>(is_arm: bool) -> usize {
+    match (S::TRANSPORT, is_arm) {
+        (Transport::UdpFromDevice, _) => 4000,
+        (_, true) => 1000,
+        (_, false) => 150,
+    }
+}
+
 /// Number of cycles for which outputs are on, and then off.
 const BLINK: u64 = 20;
 
@@ -61,7 +69,6 @@ impl NetSequence {
 }
 
 fn survives<S: Subject>(rates: FaultRates) {
-    let [arm, io] = EXCHANGES;
     with_seeds(|seed| {
         let mut bench = DriverBench::<S>::ready(seed);
         let is_arm = bench.device.robot.is_some();
@@ -79,7 +86,7 @@ fn survives<S: Subject>(rates: FaultRates) {
             motion: None,
         };
         bench.set_rates(rates, to_device);
-        for _ in 0..if is_arm { arm } else { io } {
+        for _ in 0..exchanges::<S>(is_arm) {
             let entry = nets.next(&bench);
             bench.step(ExecutorAction::Writes(entry));
             if bench.last.is_ok() && (S::HAS_CHECKSUM || !corrupts) {
