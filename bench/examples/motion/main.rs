@@ -6,6 +6,7 @@
 mod machine;
 mod optimum;
 mod others;
+mod planning;
 #[path = "../performance/table.rs"]
 mod table;
 
@@ -46,9 +47,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let replan = replanning(arguments.effort);
     let others = others::section(arguments.kinematics.as_deref())?;
     let optimum = optimum::section(arguments.topp.as_deref())?;
+    let planning = planning::section(arguments.effort);
     fs::write(
         &arguments.output,
-        [machine, cycles, replan, others, optimum].join("\n"),
+        [machine, cycles, replan, planning, others, optimum].join("\n"),
     )?;
     eprintln!("motion: wrote {}", arguments.output.display());
     Ok(())

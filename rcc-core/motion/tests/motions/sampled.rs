@@ -1,5 +1,7 @@
 //! The joint path of a random motion as samples, and the tested timing along it, for comparison with other planners.
 
+use rcc_testing::work::processor_time;
+
 use super::*;
 
 /// Approximate number of cycles for sampling a path.
@@ -88,6 +90,27 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         loose_s,
         halts_s,
     })
+}
+
+/// Plans the motion of this seed; returns the processor time that this took and the duration of the motion, s. `None` if it
+/// cannot be built.
+#[must_use]
+pub fn planned(
+    kind: MotionKind,
+    robot: &TestRobot,
+    seed: u64,
+    pace: SpeedProfile,
+) -> Option<[f64; 2]> {
+    let (drawn, mut random) = unbound(kind, robot, seed)?;
+    let legs = legs(kind, &drawn, &mut random);
+    let begun = processor_time();
+    let motion = build(robot, (&drawn, &legs), pace)?;
+    let planning_s = (processor_time() - begun).as_secs_f64();
+    let cycles = run(motion, SpeedOverride::RUN)?
+        .iter()
+        .map(|part| part.len() - 1)
+        .sum::<usize>();
+    Some([planning_s, cycles as f64 * drawn.dt_s])
 }
 
 /// The number of cycles until the motion rests if it is halted after some cycles.
