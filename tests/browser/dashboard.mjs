@@ -227,10 +227,17 @@ async function main() {
   await step(`${NETS} nets come and go, as many at a time as the executor has places for`, async () => {
     clearInterval(setting);
     await go(page, "nets");
+    const rows = page.locator("table.nets tbody tr:has-text('small-')");
+    const told = async () => {
+      const states = (await cell.rest("GET", "/commands")).body.map((command) => command.state);
+      return `${await rows.count()} rows, states of the executor: ${states.join(" ")}`;
+    };
     for (let first = 0; first < NETS; first += AT_A_TIME) {
       const ids = [];
       for (let number = first; number < first + AT_A_TIME; number++) ids.push(await cell.run(small(number)));
-      await until("all rows", async () => (await page.locator("table.nets tbody tr:has-text('small-')").count()) === AT_A_TIME);
+      await until("all rows", async () => (await rows.count()) === AT_A_TIME).catch(async (error) => {
+        throw new Error(`${error.message}: ${await told()}`);
+      });
       await page.fill("input[type=search]", `small-${first + 7}`);
       await until("the found row", async () => (await page.locator("table.nets tbody tr").count()) === 1);
       await page.fill("input[type=search]", "");
@@ -241,7 +248,7 @@ async function main() {
       await until("the end of all nets", async () => (await page.textContent("#cancel-count")) === "");
       for (const id of ids) assert.equal((await cell.rest("DELETE", `/commands/${id}`)).status, 200);
     }
-    await until("an empty list", async () => (await page.locator("table.nets tbody tr:has-text('small-')").count()) === 0);
+    await until("an empty list", async () => (await rows.count()) === 0);
   });
 
   await step("START takes a confirmation whose safe answer has the focus", async () => {

@@ -20,13 +20,18 @@ pub(super) fn read(text: &str) -> Option<TreeBuilder<'_>> {
     if !has_common_characters(text) {
         return None;
     }
+    // Escapes that are read here are printable, too.
+    let builder = match text.is_ascii() {
+        true => TreeBuilder::of_printable(text),
+        false => TreeBuilder::new(text),
+    };
     let mut reader = Reader {
         text,
         bytes: text.as_bytes(),
         at: 0,
         line: 0,
         parent: None,
-        builder: TreeBuilder::new(text),
+        builder,
     };
     reader.document()?;
     Some(reader.builder)
@@ -45,6 +50,16 @@ fn has_common_characters(text: &str) -> bool {
                 | '\u{205f}'..='\u{206f}' | '\u{feff}' | '\u{fff0}'..='\u{ffff}')
     })
 }
+
+/// By byte: whether it may end a scalar without quotes.
+const MAY_END: [bool; 256] = {
+    let (mut table, ends, mut at) = ([false; 256], b"\n:#,[]{}", 0);
+    while at < ends.len() {
+        table[ends[at] as usize] = true;
+        at += 1;
+    }
+    table
+};
 
 /// A scalar, and whether it is in quotes.
 struct Scalar<'a> {
@@ -355,6 +370,9 @@ impl<'a> Reader<'a> {
             _ => {}
         }
         loop {
+            let rest = self.bytes.get(self.at..).unwrap_or_default();
+            let ordinary = rest.iter().position(|byte| MAY_END[usize::from(*byte)]);
+            self.at += ordinary.unwrap_or(rest.len());
             match self.peek() {
                 None | Some(b'\n') => break,
                 Some(b':') => match self.next() {

@@ -23,7 +23,7 @@ enum OpenNode {
         /// Number of entries of the mappings around it.
         first: usize,
         /// Names of all entries, once there are many.
-        keys: HashSet<ShortText>,
+        keys: Option<Box<HashSet<ShortText>>>,
         /// The key whose value comes next, and whether it is the first one with its name.
         key: Option<(Key, bool)>,
     },
@@ -33,19 +33,23 @@ enum OpenNode {
 const FEW_ENTRIES: usize = 16;
 
 /// Returns true if no entry of the mapping has this key yet.
-fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<ShortText>) -> bool {
+fn is_new(name: &str, entries: &[Entry], keys: &mut Option<Box<HashSet<ShortText>>>) -> bool {
     if entries.len() < FEW_ENTRIES {
         return entries.iter().all(|entry| entry.key.name != name);
     }
-    if keys.is_empty() {
+    let keys = keys.get_or_insert_with(|| {
+        let mut keys = Box::new(HashSet::with_capacity(2 * FEW_ENTRIES));
         keys.extend(entries.iter().map(|entry| entry.key.name.clone()));
-    }
+        keys
+    });
     keys.insert(name.into())
 }
 
 /// The tree as far as it is built.
 pub(super) struct TreeBuilder<'a> {
     text: &'a str,
+    /// No scalar has an unprintable character, so none is looked for.
+    printable: bool,
     stack: Vec<(OpenNode, Span)>,
     /// Elements of all open lists.
     nodes: Vec<Node>,
@@ -61,12 +65,21 @@ impl<'a> TreeBuilder<'a> {
     pub(super) fn new(text: &'a str) -> TreeBuilder<'a> {
         TreeBuilder {
             text,
+            printable: false,
             stack: Vec::new(),
             nodes: Vec::new(),
             entries: Vec::new(),
             documents: 0,
             root: None,
             faults: Vec::new(),
+        }
+    }
+
+    /// Of a text in which no scalar has an unprintable character.
+    pub(super) fn of_printable(text: &'a str) -> TreeBuilder<'a> {
+        TreeBuilder {
+            printable: true,
+            ..TreeBuilder::new(text)
         }
     }
 
@@ -133,7 +146,9 @@ impl<'a> TreeBuilder<'a> {
         style: ScalarStyle,
         span: Span,
     ) -> Result<(), Box<Diagnostic>> {
-        self.faults.extend(unprintable(&text, span));
+        if !self.printable {
+            self.faults.extend(unprintable(&text, span));
+        }
         if let Some((OpenNode::Map { first, keys, key }, _)) = self.stack.last_mut()
             && key.is_none()
         {
@@ -164,7 +179,7 @@ impl<'a> TreeBuilder<'a> {
     pub(super) fn open_map(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
         let map = OpenNode::Map {
             first: self.entries.len(),
-            keys: HashSet::new(),
+            keys: None,
             key: None,
         };
         self.open(map, span)
@@ -192,12 +207,12 @@ impl<'a> TreeBuilder<'a> {
         // The parser ends a block collection where the next token begins; its text ends earlier.
         let (value, inside) = match open {
             OpenNode::List { first } => {
-                let nodes: Vec<Node> = self.nodes.drain(first..).collect();
+                let nodes = self.nodes.split_off(first);
                 let last = nodes.last().map(|node| node.span.end);
                 (Value::List(nodes), last)
             }
             OpenNode::Map { first, .. } => {
-                let entries: Vec<Entry> = self.entries.drain(first..).collect();
+                let entries = self.entries.split_off(first);
                 let last = entries.last().map(|entry| entry.value.span.end);
                 (Value::Map(entries), last)
             }
