@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 
 use foldhash::{HashMap, HashMapExt, HashSet, HashSetExt};
 use rcc_config::diagnostic::{Diagnostic, NameSearch, Span};
-use rcc_config::yaml::Key;
+use rcc_config::yaml::{Key, ShortText};
 use rcc_core::unit::Unit;
 use rcc_language::codes;
 use rcc_language::devices::DeviceTable;
@@ -64,7 +64,7 @@ struct BuiltOutput {
 /// An RCC primitive.
 #[derive(Debug)]
 struct BuiltPrimitive {
-    id: String,
+    id: ShortText,
     span: Span,
     ty: &'static str,
     parameters: Vec<(&'static str, Literal)>,
@@ -364,7 +364,7 @@ impl<'t> Conversion<'t, '_> {
         };
         let made = self.built.len();
         self.built.push(BuiltPrimitive {
-            id,
+            id: id.into(),
             span: self.span(self.current),
             ty,
             parameters,

@@ -220,8 +220,8 @@ impl<'t> TextParser<'t> {
     fn name(&mut self) -> Option<Key> {
         self.blanks();
         let rest = self.text.get(self.at..).unwrap_or_default();
-        let is_name = |c: char| c.is_ascii_alphanumeric() || c == ':' || c == '_';
-        let length = rest.find(|c| !is_name(c)).unwrap_or(rest.len());
+        let is_name = |byte: u8| byte.is_ascii_alphanumeric() || byte == b':' || byte == b'_';
+        let length = rest.bytes().take_while(|byte| is_name(*byte)).count();
         let name = rest.get(..length).filter(|name| !name.is_empty())?;
         let span = Span::new(self.at, self.at + length);
         self.at += length;

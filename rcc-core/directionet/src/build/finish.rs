@@ -18,8 +18,8 @@ use crate::flatten::FlatSource;
 
 /// Converts a name of the predecessor to an id: lowercase letters, digits and `_`, beginning with a letter.
 #[must_use]
-pub fn id(name: &str) -> String {
-    let mut id = String::with_capacity(name.len() + 1);
+pub fn id(name: &str) -> ShortText {
+    let mut id = ShortText::with_capacity(name.len() + 1);
     for c in name.chars() {
         match c {
             'a'..='z' | '0'..='9' | '_' => id.push(c),
@@ -28,14 +28,14 @@ pub fn id(name: &str) -> String {
         }
     }
     if !id.starts_with(|c: char| c.is_ascii_lowercase()) {
-        id.insert(0, 'p');
+        id.insert_str(0, "p");
     }
     id
 }
 
 impl Conversion<'_, '_> {
     /// Returns the id for a primitive of the text, derived from its path.
-    pub(super) fn id_of(&self, number: usize) -> String {
+    pub(super) fn id_of(&self, number: usize) -> ShortText {
         let primitive = self.flat.primitives.get(number);
         id(primitive.map_or("", |it| &it.path))
     }
@@ -179,7 +179,7 @@ impl Conversion<'_, '_> {
             ));
         }
         self.add(BuiltPrimitive {
-            id: "end".to_string(),
+            id: "end".into(),
             span,
             ty: "Termination",
             parameters: Vec::new(),
@@ -273,11 +273,13 @@ impl Conversion<'_, '_> {
             let Some(built) = self.built.get(*made) else {
                 continue;
             };
-            let mut name: ShortText = built.id.chars().take(NAME_MAX).collect();
+            // Ids are ASCII.
+            let part = |length: usize| ShortText::new(&built.id[..length.min(built.id.len())]);
+            let mut name = part(NAME_MAX);
             while let Some(count) = taken.get_mut(&name) {
                 *count += 1;
                 let tail = format!("_{count}");
-                name = built.id.chars().take(NAME_MAX - tail.len()).collect();
+                name = part(NAME_MAX - tail.len());
                 name.push_str(&tail);
             }
             taken.insert(name.clone(), 1);

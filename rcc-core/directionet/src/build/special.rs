@@ -2,6 +2,7 @@
 //! predecessor commands one by one and RCC all at once. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Span;
+use rcc_config::yaml::ShortText;
 use rcc_core::unit::Unit;
 use rcc_language::codes;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
@@ -262,7 +263,14 @@ impl Conversion<'_, '_> {
         self.keys.push((key, value));
     }
 
-    fn publish(&mut self, number: usize, topic: String, value: BuiltValue, span: Span, id: String) {
+    fn publish(
+        &mut self,
+        number: usize,
+        topic: String,
+        value: BuiltValue,
+        span: Span,
+        id: ShortText,
+    ) {
         let made = self.one(number, "Publish", vec![("in", value, span)]);
         let topic = Literal::new(LiteralShape::Text(topic), span);
         if let Some(built) = self.built.get_mut(made) {

@@ -1,7 +1,7 @@
 //! Replaces a primitive by the net of its row. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Span;
-use rcc_config::yaml::Key;
+use rcc_config::yaml::{Key, ShortText};
 use rcc_core::primitive::{ChannelKind, ParameterKind, Spec};
 use rcc_core::primitives;
 use rcc_language::codes;
@@ -14,6 +14,8 @@ use crate::text::{self, AstArgument, AstFragment, AstPrimitive};
 /// The expansion of a row's net for one primitive.
 struct RowExpansion<'r> {
     number: usize,
+    /// Id of the primitive in the text.
+    id: ShortText,
     entry: &'static TypeEntry,
     names: Vec<(&'r str, usize)>,
     made: Vec<usize>,
@@ -29,6 +31,7 @@ impl Conversion<'_, '_> {
     ) {
         let mut place = RowExpansion {
             number,
+            id: self.id_of(number),
             entry,
             names: Vec::new(),
             made: Vec::new(),
@@ -50,9 +53,8 @@ impl Conversion<'_, '_> {
         }
         // The last primitive of the expansion takes the id of the primitive in the text.
         if let [.., last] = place.made.as_slice() {
-            let id = self.id_of(number);
             if let Some(built) = self.built.get_mut(*last) {
-                built.id = id;
+                built.id = place.id;
             }
         }
     }
@@ -230,8 +232,11 @@ impl Conversion<'_, '_> {
             }
         }
         let made = self.built.len();
+        let mut id = place.id.clone();
+        id.push('_');
+        id.push_str(name);
         self.built.push(BuiltPrimitive {
-            id: format!("{}_{name}", self.id_of(place.number)),
+            id,
             span,
             ty: spec.name,
             parameters,

@@ -63,6 +63,14 @@ fn describe<'g>(
 
 /// Requires that every loop contains a delayed link.
 pub fn loops_have_a_delay(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    // Values that flow in the order of the text do not flow in a circle; most nets are written so.
+    let mut items = net.graph.items.iter().enumerate();
+    if items.all(|(number, item)| {
+        let mut links = net.graph.dependencies(item);
+        links.all(|(_, link)| link.delayed || link.from.item < number)
+    }) {
+        return;
+    }
     let sources = sources(net.graph, |_, link| !link.delayed);
     for component in Components::of(&sources).loops(&sources) {
         let Some((path, link)) = describe(net.graph, &circle(&sources, &component)) else {
