@@ -52,10 +52,8 @@ impl Conversion<'_, '_> {
             }
         }
         // The last primitive of the expansion takes the id of the primitive in the text.
-        if let [.., last] = place.made.as_slice() {
-            if let Some(built) = self.built.get_mut(*last) {
-                built.id = place.id;
-            }
+        if let Some(built) = place.made.last().and_then(|last| self.built.get_mut(*last)) {
+            built.id = place.id;
         }
     }
 
