@@ -2,6 +2,7 @@
 
 use rcc_bench::measure::Effort;
 use rcc_core::path::{SpeedProfile, StopReserve};
+use rcc_testing::quantile;
 
 use crate::table::{digits, table, verdict};
 
@@ -52,22 +53,14 @@ pub fn section(effort: Effort) -> String {
         PROFILES.iter().map(move |(pace, profile, goal)| {
             let mut times = planning_ms(*kind, *pace, count);
             times.sort_by(f64::total_cmp);
-            let at = |part: f64| {
-                let index = (part * times.len() as f64) as usize;
-                let time = times.get(index.min(times.len().saturating_sub(1)));
-                time.copied().unwrap_or(f64::NAN)
-            };
+            let at = |share: f64| quantile(&times, share).map_or("–".to_owned(), digits);
             vec![
                 format!("{name}, {profile}"),
                 times.len().to_string(),
-                digits(at(0.5)),
-                digits(at(0.9)),
-                digits(at(1.0)),
-                if times.is_empty() {
-                    String::new()
-                } else {
-                    verdict(at(0.5), *goal)
-                },
+                at(0.5),
+                at(0.9),
+                at(1.0),
+                quantile(&times, 0.5).map_or(String::new(), |median| verdict(median, *goal)),
             ]
         })
     });

@@ -46,8 +46,7 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
     let run = |robot: &TestRobot, pace| {
         let motion = build(robot, (&drawn, &legs), pace)?;
         let run = run(motion.clone(), SpeedOverride::RUN)?;
-        let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
-        Some((cycles as f64 * drawn.dt_s, run, motion))
+        Some((duration_s(&run, drawn.dt_s), run, motion))
     };
     let [keep, give] = [StopReserve::Keep, StopReserve::Give].map(SpeedProfile::TimeOptimal);
     let (uniform_s, ..) = run(robot, SpeedProfile::Uniform)?;
@@ -106,11 +105,14 @@ pub fn planned(
     let begun = processor_time();
     let motion = build(robot, (&drawn, &legs), pace)?;
     let planning_s = (processor_time() - begun).as_secs_f64();
-    let cycles = run(motion, SpeedOverride::RUN)?
-        .iter()
-        .map(|part| part.len() - 1)
-        .sum::<usize>();
-    Some([planning_s, cycles as f64 * drawn.dt_s])
+    let run = run(motion, SpeedOverride::RUN)?;
+    Some([planning_s, duration_s(&run, drawn.dt_s)])
+}
+
+/// Duration of a motion, s.
+fn duration_s(run: &[Vec<PathSample>], dt_s: f64) -> f64 {
+    let cycles: usize = run.iter().map(|part| part.len() - 1).sum();
+    cycles as f64 * dt_s
 }
 
 /// The number of cycles until the motion rests if it is halted after some cycles.
