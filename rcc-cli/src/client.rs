@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
 
-use rcc_api::bodies::ValuesView;
+use rcc_api::bodies::{CommandView, ValuesView};
 use rcc_client::RequestError;
 use serde::de::DeserializeOwned;
 
@@ -52,6 +52,14 @@ impl LoaderClient {
     /// Fails if the loader cannot be reached, does not answer in time, or refuses the request.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
         Ok(self.0.get(path)?)
+    }
+
+    /// LOAD: as [`rcc_client::LoaderClient::load`].
+    ///
+    /// # Errors
+    /// As [`LoaderClient::get`].
+    pub fn load(&self, file: &str, text: &str, limit: Duration) -> Result<CommandView, Failure> {
+        Ok(self.0.load(Some(file), text, limit)?)
     }
 
     /// Sends a POST request with a text body.

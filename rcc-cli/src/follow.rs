@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use rcc_api::bodies::{CommandDetail, CommandRef, CommandView, Done, Loaded, Switch, Switched};
+use rcc_api::bodies::{CommandDetail, CommandRef, CommandView, Done, Switch, Switched};
 use rcc_api::codes::{self, RequestedEnd, exit};
 use rcc_api::compile::findings;
 use rcc_language::bundle::bundle;
@@ -80,31 +80,24 @@ pub fn load(
     text: &str,
     rejected: OnRejection,
 ) -> Result<CommandView, Failure> {
-    let path = format!("/commands?file={}", segment(name));
-    let Loaded { id, .. } = client.post(&path, text.to_owned())?;
-    let limit = Instant::now() + LOAD_TIMEOUT;
-    loop {
-        let command = brief(client, &id.to_string())?;
-        match command.state.as_str() {
-            "loading" if Instant::now() < limit => std::thread::sleep(POLL_INTERVAL),
-            "loading" => {
-                return Err(Failure::new(
-                    codes::LOADER_SILENT,
-                    format!("command {id} is still loading after {LOAD_TIMEOUT:?}"),
-                    "check it with `rcc-cli state`",
-                ));
+    let command = client.load(name, text, LOAD_TIMEOUT)?;
+    let id = command.id;
+    match command.state.as_str() {
+        "loading" => Err(Failure::new(
+            codes::LOADER_SILENT,
+            format!("command {id} is still loading after {LOAD_TIMEOUT:?}"),
+            "check it with `rcc-cli state`",
+        )),
+        "rejected" => {
+            let source = (name.to_owned(), text.to_owned());
+            let what = format!("{name} is rejected");
+            if rejected == OnRejection::Unload {
+                // If this fails, the command stays in the table, where `unload` can remove it.
+                let _ = unload(client, &id.to_string());
             }
-            "rejected" => {
-                let source = (name.to_owned(), text.to_owned());
-                let what = format!("{name} is rejected");
-                if rejected == OnRejection::Unload {
-                    // If this fails, the command stays in the table, where `unload` can remove it.
-                    let _ = unload(client, &id.to_string());
-                }
-                return Err(Failure::invalid(&what, command.diagnostics, source));
-            }
-            _ => return Ok(command),
+            Err(Failure::invalid(&what, command.diagnostics, source))
         }
+        _ => Ok(command),
     }
 }
 

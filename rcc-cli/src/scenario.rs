@@ -10,6 +10,7 @@ use rcc_api::compile::compile;
 use rcc_api::messages::NameResolver;
 use rcc_config::{CellConfig, auto_ports};
 use rcc_core::message::EndReason;
+use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_protocol::control::PlanData;
 
@@ -171,7 +172,8 @@ impl SimulationScenario {
     pub fn prepare(&self) -> Result<PreparedScenario, Failure> {
         let config = self.cell()?;
         let source = read_net(&self.file)?;
-        let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
+        let devices = DeviceTable::from(&config);
+        let compiled = compile(&source.1, &source.0, &devices).map_err(|diagnostics| {
             DevicesOf::option(self.config.as_deref()).note(&diagnostics);
             let what = format!("{} is invalid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())

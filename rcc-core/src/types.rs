@@ -39,7 +39,7 @@ pub enum Type {
 }
 
 /// Which of the three typed arenas holds a value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Store {
     /// `f64`; null is NaN, in every element of a composite.
     Real,

@@ -2,16 +2,20 @@
 //! results.
 
 use std::error::Error;
+use std::hint::black_box;
 
 use rcc_bench::graph::{Graph, MIXES, SIZES};
-use rcc_bench::instance::GraphInstance;
+use rcc_bench::instance::{GraphInstance, cell};
 use rcc_bench::measure::{Effort, MeasuredSubject, TimeStats, alternate};
 use rcc_bench::straight::{ALL, CycleProgram, GraphInputs};
+use rcc_engine::net::Net;
 
 use crate::table::{digits, spread, table, verdict};
 
 /// The gain for every graph from which on a compiler to native code would be worth its weight.
 const NATIVE_GAIN: f64 = 3.0;
+/// The goal for the part of the hash in the time of a cycle, %.
+const HASH_GOAL: f64 = 10.0;
 
 /// Returns the goal for a graph, ns per node.
 fn goal(mix: &str, size: usize) -> f64 {
@@ -43,6 +47,8 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         "never null",
         "ratio",
         "goal",
+        "hash, %",
+        "goal",
     ];
     let native = match low.as_slice() {
         [] => String::new(),
@@ -62,7 +68,8 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
          *A primitive* is the same time divided by the number of primitives that the net evaluates (inputs and \
          `Termination` count, elements of transforms do not). *Straight-line* is Rust generated from the same graph by \
          the build script: with null as NaN, and also without null where nothing is ever null. *Ratio* is \
-         interpreter to straight-line with null. Before the measurement each of them has computed the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}\n{native}",
+         interpreter to straight-line with null. *Hash* is the part of the hash of all slots, which the executor computes after \
+         each cycle, in the time of both. Before the measurement each of them has computed the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}\n{native}",
         table(&head, &rows)
     ))
 }
@@ -98,11 +105,22 @@ fn row(
             }
         }));
     }
+    let cell = cell();
+    let plan = instance.net.plan.clone();
+    let net = Net::build(plan, &cell.models(), cell.fingerprint, &[None], 1e-3)
+        .map_err(|refusal| format!("{refusal:?}"))?;
+    subjects.push(MeasuredSubject::new(|cycles| {
+        for _ in 0..cycles {
+            black_box(black_box(&net).hash());
+        }
+    }));
     let figures = alternate(&mut subjects, effort);
     let straight = |null: bool| -> Option<TimeStats> {
         let place = nulls.iter().position(|of| *of == null)?;
         figures.get(place + 1).copied()
     };
+    let hash = figures.last().map_or(f64::NAN, |figure| figure.median);
+    let share = 100.0 * hash / (hash + figures[0].median);
     let nodes = size as f64;
     let ours = figures[0].median / nodes;
     let text = |figure: Option<TimeStats>| {
@@ -117,6 +135,8 @@ fn row(
         text(straight(false)),
         ratio.map_or("–".to_owned(), digits),
         verdict(ours, goal(mix, size)),
+        digits(share),
+        verdict(share, HASH_GOAL),
     ];
     Ok((cells, ratio))
 }

@@ -8,6 +8,7 @@ use rcc_api::error::ApiError;
 use rcc_api::messages;
 use rcc_config::CellConfig;
 use rcc_language::condition::{self, ConditionTerm};
+use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_protocol::control::{PlanData, SWITCH_MAX};
 use rcc_protocol::rules::Rule;
@@ -34,9 +35,10 @@ impl CompiledTask {
     pub fn compile(file: TaskFile, config: &CellConfig) -> Result<CompiledTask, Failure> {
         let mut plans = Vec::new();
         let mut names = Vec::new();
+        let devices = DeviceTable::from(config);
         for net in &file.nets {
             let source = read_net(&net.file)?;
-            let compiled = compile(&source.1, &source.0, config).map_err(|diagnostics| {
+            let compiled = compile(&source.1, &source.0, &devices).map_err(|diagnostics| {
                 let what = format!("{} is invalid", source.0);
                 Failure::invalid(&what, diagnostics, source.clone())
             })?;

@@ -1,7 +1,6 @@
 //! Compiles a text to a plan, with everything that the server stores beside it. Run by blocking threads of the server,
 //! and by `rcc-cli check` without a server.
 
-use rcc_config::CellConfig;
 use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, DrawingStyle, Faults, Severity, render};
 use rcc_config::file_kind::root_entries;
 use rcc_core::message::DEVICES_MAX;
@@ -12,7 +11,6 @@ use rcc_language::syntax::is_net_name;
 use rcc_protocol::control::PlanData;
 
 use crate::bodies::{Finding, TextLocation};
-use crate::codes;
 
 /// A successfully compiled net.
 #[derive(Clone, Debug)]
@@ -41,24 +39,11 @@ pub struct Compiled {
 ///
 /// # Errors
 /// Returns all errors and warnings of the text if it has an error.
-pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Vec<Finding>> {
-    let compiled = rcc_directionet::compiler(&DeviceTable::from(cell))
+pub fn compile(text: &str, file: &str, cell: &DeviceTable) -> Result<Compiled, Vec<Finding>> {
+    let compiled = rcc_directionet::compiler(cell)
         .compile(text, file)
         .map_err(|faults| findings(&faults))?;
-    let checked = compiled
-        .plan
-        .plan()
-        .check(&cell.models(), cell.fingerprint())
-        .map_err(|error| {
-            vec![Finding {
-                code: codes::PLAN_REFUSED.code.to_owned(),
-                severity: "error".to_owned(),
-                message: format!("the compiled plan is invalid: {error:?}"),
-                help: Some("this is a bug in the loader: report it with the net".to_owned()),
-                ..Finding::default()
-            }]
-        })?;
-    let claims = &checked.resources;
+    let claims = &compiled.checked.resources;
     let bits = |bits: u64| (0..u64::BITS).filter(move |bit| bits >> bit & 1 == 1);
     let mut uses: Vec<Resource> = bits(claims.arms)
         .map(|device| Resource::Arm { device })
@@ -85,7 +70,7 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
         warnings: findings(&compiled.warnings),
         plan: compiled.plan,
         uses,
-        can_cancel: checked.can_cancel,
+        can_cancel: compiled.checked.can_cancel,
         primitives: compiled.primitives,
     })
 }

@@ -1,11 +1,11 @@
 //! A connection to a cell: its commands, devices and status. Blocks the calling thread.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rcc_api::bodies::{
-    Checked, CommandRef, CommandView, DeviceView, ErrorBody, Loaded, OnClientLoss, StatusView,
-    Switch, Switched,
+    Checked, CommandRef, CommandView, DeviceView, ErrorBody, OnClientLoss, StatusView, Switch,
+    Switched,
 };
 use rcc_api::codes;
 
@@ -20,8 +20,6 @@ use crate::watch::Watch;
 const ANSWER_MAX: Duration = Duration::from_secs(20);
 /// Maximum time for loading a net.
 const LOAD_MAX: Duration = Duration::from_secs(60);
-/// Interval at which a net that is being loaded is looked at.
-const LOAD_POLL: Duration = Duration::from_millis(2);
 
 /// A connection to a cell. Dropping it is the loss of the client for what it runs.
 #[derive(Debug)]
@@ -116,20 +114,15 @@ impl Cell {
     /// # Errors
     /// Fails if the net has errors ([`ClientError::Rejected`]), or if the loader refuses.
     pub fn load(&self, net: &str) -> Result<Command<'_>, ClientError> {
-        let Loaded { id, .. } = self.connection.client.post("/commands", net.to_owned())?;
-        let command = Command::new(&self.connection, id);
-        let limit = Instant::now() + LOAD_MAX;
-        loop {
-            let view = command.state()?;
-            match view.state.as_str() {
-                "loading" if Instant::now() < limit => std::thread::sleep(LOAD_POLL),
-                "loading" => return Err(ClientError::Timeout(LOAD_MAX)),
-                "rejected" => {
-                    command.unload()?;
-                    return Err(rejected(view));
-                }
-                _ => return Ok(command),
+        let view = self.connection.client.load(None, net, LOAD_MAX)?;
+        let command = Command::new(&self.connection, view.id);
+        match view.state.as_str() {
+            "loading" => Err(ClientError::Timeout(LOAD_MAX)),
+            "rejected" => {
+                command.unload()?;
+                Err(rejected(view))
             }
+            _ => Ok(command),
         }
     }
 

@@ -5,13 +5,13 @@ use std::fmt;
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use http_body_util::{BodyExt, Full};
 use hyper::body::Bytes;
 use hyper::{Method, Request, StatusCode};
 use hyper_util::rt::TokioIo;
-use rcc_api::bodies::{ErrorBody, ValuesView};
+use rcc_api::bodies::{CommandView, ErrorBody, Loaded, ValuesView};
 use rcc_api::codes;
 use rcc_api::routes::{TIMEOUT_HEADER, is_stop};
 use rcc_api::token::Token;
@@ -26,6 +26,10 @@ mod download;
 mod stream;
 
 pub use stream::Lines;
+
+/// Shortest and longest interval at which a net that is being loaded is looked at; between them it is an eighth of the time
+/// since the request, so that little is lost of it.
+const LOAD_POLLS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(10)];
 
 /// REST client of one cell's loader.
 #[derive(Debug)]
@@ -199,6 +203,31 @@ impl LoaderClient {
     /// As [`LoaderClient::get`].
     pub fn put<T: DeserializeOwned>(&self, path: &str, body: String) -> Result<T, RequestError> {
         self.request(Method::PUT, path, body)
+    }
+
+    /// LOAD: sends the text of a net, with the name of its file for diagnostics, and returns the command when it is ready or
+    /// rejected; `loading` if it is neither after `limit`.
+    ///
+    /// # Errors
+    /// As [`LoaderClient::get`].
+    pub fn load(
+        &self,
+        file: Option<&str>,
+        text: &str,
+        limit: Duration,
+    ) -> Result<CommandView, RequestError> {
+        let query = file.map_or(String::new(), |name| format!("?file={}", segment(name)));
+        let Loaded { id, .. } = self.post(&format!("/commands{query}"), text.to_owned())?;
+        let begun = Instant::now();
+        let [shortest, longest] = LOAD_POLLS;
+        loop {
+            let command: CommandView = self.get(&format!("/commands/{id}?brief=true"))?;
+            let waited = begun.elapsed();
+            if command.state != "loading" || waited > limit {
+                return Ok(command);
+            }
+            std::thread::sleep((waited / 8).clamp(shortest, longest));
+        }
     }
 
     /// Returns the values of the ports that match the patterns, all of one cycle; without patterns, the values of all

@@ -8,8 +8,6 @@ pub mod layout;
 pub mod scalar;
 mod tree;
 
-use std::borrow::Cow;
-
 use compact_str::CompactString;
 use granit_parser::Parser;
 use rcc_core::printable::first_unprintable;
@@ -180,7 +178,10 @@ pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
         let fault = Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere();
         return (None, vec![fault]);
     }
-    common_forms::read(text).map_or_else(|| read_any_form(text), TreeBuilder::finish)
+    match common_forms::read(text) {
+        Some(root) => (Some(root), Vec::new()),
+        None => read_any_form(text),
+    }
 }
 
 /// Reads with the general parser.
@@ -254,23 +255,23 @@ fn unprintable(text: &str, span: Span) -> Option<Diagnostic> {
     Some(fault.help("remove it; line feeds and tabs are allowed"))
 }
 
-fn plain(text: Cow<'_, str>) -> Value {
-    match text.as_ref() {
+fn plain(text: &str) -> Value {
+    match text {
         "" | "~" | "null" => return Value::Null,
         "true" => return Value::Bool(true),
         "false" => return Value::Bool(false),
         _ => {}
     }
-    number(&text).unwrap_or_else(|| Value::Text(text.into()))
+    number(text).unwrap_or_else(|| Value::Text(ShortText::new(text)))
 }
 
 /// Parses a number as in JSON, also with a leading `+` or with digits on only one side of the point.
 fn number(text: &str) -> Option<Value> {
-    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     // Most texts are names.
-    if !digits.starts_with(|first: char| first.is_ascii_digit() || first == '.') {
+    if !matches!(text.as_bytes().first()?, b'+' | b'-' | b'.' | b'0'..=b'9') {
         return None;
     }
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     let (mantissa, exponent) = match digits.split_once(['e', 'E']) {
         Some((mantissa, exponent)) => (mantissa, Some(exponent)),
         None => (digits, None),

@@ -16,6 +16,8 @@ use std::collections::BTreeMap;
 use foldhash::{HashMap, HashMapExt, HashSet, HashSetExt};
 use rcc_config::diagnostic::{Diagnostic, NameSearch, Span};
 use rcc_config::yaml::{Key, ShortText};
+use rcc_core::primitive::Spec;
+use rcc_core::primitives;
 use rcc_core::unit::Unit;
 use rcc_language::codes;
 use rcc_language::devices::DeviceTable;
@@ -42,7 +44,7 @@ enum BuiltValue {
     /// The output of a `Pre`, with its index in `delayed`: the value of the previous cycle.
     Delayed(usize),
     /// The value of an output in the previous cycle, with the initial value.
-    Before(BuiltOutput, Literal),
+    Before(Box<(BuiltOutput, Literal)>),
     /// Refused; the error is reported.
     Refused,
 }
@@ -61,17 +63,42 @@ struct BuiltOutput {
     is_vector: bool,
 }
 
+impl BuiltOutput {
+    /// Returns true for a Vector3, Twist or Wrench, but not for an element of one.
+    fn is_whole_vector(&self) -> bool {
+        self.is_vector && self.index.is_none()
+    }
+}
+
 /// An RCC primitive.
 #[derive(Debug)]
 struct BuiltPrimitive {
     id: ShortText,
     span: Span,
     ty: &'static str,
+    /// Spec of its type; `None` if the catalogue does not have it.
+    spec: Option<&'static Spec>,
     parameters: Vec<(&'static str, Literal)>,
     inputs: Vec<(&'static str, BuiltValue, Span)>,
     active: Option<BuiltValue>,
     /// Index of the primitive of the text that it was made for; determines its place in the result.
     made_for: usize,
+}
+
+impl BuiltPrimitive {
+    /// Returns a primitive without parameters, inputs and condition.
+    fn new(ty: &'static str, id: ShortText, span: Span, made_for: usize) -> BuiltPrimitive {
+        BuiltPrimitive {
+            id,
+            span,
+            ty,
+            spec: primitives::find(ty).map(|(_, entry)| &entry.spec),
+            parameters: Vec::new(),
+            inputs: Vec::new(),
+            active: None,
+            made_for,
+        }
+    }
 }
 
 /// The commanded axes of a robot.
@@ -363,15 +390,12 @@ impl<'t> Conversion<'t, '_> {
             None => name.to_string(),
         };
         let made = self.built.len();
+        // Never with the condition of one of its users.
+        let span = self.span(self.current);
         self.built.push(BuiltPrimitive {
-            id: id.into(),
-            span: self.span(self.current),
-            ty,
             parameters,
             inputs,
-            // Never the condition of one of its users.
-            active: None,
-            made_for: usize::MAX,
+            ..BuiltPrimitive::new(ty, id.into(), span, usize::MAX)
         });
         self.shared.insert(key, made);
         made

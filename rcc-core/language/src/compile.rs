@@ -16,6 +16,7 @@
 
 use rcc_config::CellConfig;
 use rcc_config::diagnostic::{Diagnostic, Faults};
+use rcc_core::plan::CheckedPlan;
 use rcc_protocol::control::PlanData;
 
 use crate::check::check;
@@ -52,6 +53,8 @@ pub struct Compiled {
     pub description: String,
     /// The plan.
     pub plan: PlanData,
+    /// Its resources, and what else its check found.
+    pub checked: CheckedPlan,
     /// Names and slots of all ports.
     pub names: Names,
     /// Warnings.
@@ -106,7 +109,7 @@ impl<'a> Compiler<'a> {
             .map_err(|error| diagnostics.push(*error))
             .ok()?;
         let proved = prove(&lowered.plan, self.cell);
-        proved.map_err(|error| diagnostics.push(*error)).ok()?;
+        let proved = proved.map_err(|error| diagnostics.push(*error)).ok()?;
         let seen = inspect(typed, &lowered);
         words.put_into(diagnostics);
         let compiled = Compiled {
@@ -114,6 +117,7 @@ impl<'a> Compiler<'a> {
             net: expanded.net.name.name.to_string(),
             description: expanded.net.description.clone(),
             plan: lowered.plan,
+            checked: proved,
             warnings: sources.finish(std::mem::take(diagnostics)),
             primitives,
         };

@@ -22,6 +22,8 @@ struct Search<'a> {
     low: Vec<usize>,
     on_stack: Vec<bool>,
     stack: Vec<usize>,
+    /// The nodes from the root of the search to where it is, each with the number of its sources that were followed.
+    path: Vec<(usize, usize)>,
     of: Vec<usize>,
     visited: usize,
     components: usize,
@@ -38,6 +40,7 @@ impl Components {
             low: vec![NEW; count],
             on_stack: vec![false; count],
             stack: Vec::new(),
+            path: Vec::new(),
             of: vec![NEW; count],
             visited: 0,
             components: 0,
@@ -82,22 +85,22 @@ impl Components {
 impl Search<'_> {
     // The indices are nodes below `count`, the length of every array here.
     fn from(&mut self, root: usize) {
-        let mut path = vec![(root, 0)];
+        self.path.push((root, 0));
         self.enter(root);
-        while let Some((node, next)) = path.last_mut() {
+        while let Some((node, next)) = self.path.last_mut() {
             let node = *node;
             if let Some(&source) = self.sources.of(node).get(*next) {
                 *next += 1;
                 if self.order[source] == NEW {
                     self.enter(source);
-                    path.push((source, 0));
+                    self.path.push((source, 0));
                 } else if self.on_stack[source] {
                     self.low[node] = self.low[node].min(self.order[source]);
                 }
                 continue;
             }
-            path.pop();
-            if let Some((parent, _)) = path.last() {
+            self.path.pop();
+            if let Some((parent, _)) = self.path.last() {
                 self.low[*parent] = self.low[*parent].min(self.low[node]);
             }
             if self.low[node] == self.order[node] {

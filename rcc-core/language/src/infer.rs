@@ -119,8 +119,15 @@ impl UnitVariables {
                 UnitTerm::Fixed(Unit::of_joints(linear, order))
             }
             _ => {
-                let found = self.item(graph, number).find(|(known, _)| *known == rule);
-                found.map_or(UnitTerm::None, |(_, variable)| UnitTerm::Variable(variable))
+                let rules = graph
+                    .items
+                    .get(number)
+                    .and_then(|item| self.rules.get(item.row));
+                let rules = rules.and_then(|rules| rules.as_deref()).unwrap_or(&[]);
+                let place = rules.iter().position(|known| *known == rule);
+                place.map_or(UnitTerm::None, |place| {
+                    UnitTerm::Variable(self.first[number] + place)
+                })
             }
         }
     }

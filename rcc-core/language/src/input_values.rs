@@ -12,7 +12,7 @@ use crate::check::literal_fits;
 use crate::codes;
 use crate::names::{InputNames, Names};
 use crate::parse::literal;
-use crate::syntax::literal::{Literal, StoredValue};
+use crate::syntax::literal::Literal;
 
 /// Reads the values to be set in the net with these names. `file` is the name that diagnostics show.
 ///
@@ -94,7 +94,7 @@ fn value(entry: &Entry, names: &Names, diagnostics: &mut Vec<Diagnostic>) -> Opt
     if diagnostics.len() > before {
         return None;
     }
-    let words = words(&literal.stored(ty)?);
+    let words = literal.stored(ty)?.words().to_vec();
     Some(InputValue {
         input: index,
         words,
@@ -150,15 +150,6 @@ fn within(input: &InputNames, literal: &Literal, diagnostics: &mut Vec<Diagnosti
                 message,
             ));
         }
-    }
-}
-
-/// Returns one word for each element, as in [`InputValue`].
-fn words(stored: &StoredValue) -> Vec<u64> {
-    match stored {
-        StoredValue::Reals(values) => values.iter().map(|value| value.to_bits()).collect(),
-        StoredValue::Bools(values) => values.iter().map(|value| u64::from(*value)).collect(),
-        StoredValue::Ints(values) => values.iter().map(|value| value.cast_unsigned()).collect(),
     }
 }
 

@@ -7,13 +7,14 @@ mod delays;
 mod inputs;
 mod lists;
 mod operands;
+mod port_slots;
 mod regions;
 mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use rcc_config::diagnostic::{Diagnostic, Span};
-use rcc_core::plan::{KernelRun, MonitorPoint, OPERANDS_MAX, SLOTS_MAX};
+use rcc_core::plan::{CheckedPlan, KernelRun, MonitorPoint, OPERANDS_MAX, SLOTS_MAX};
 use rcc_core::primitive::{DefaultValue as Default, ParameterKind, Port, PortType, Role};
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
@@ -24,12 +25,16 @@ use crate::codes;
 use crate::devices::DeviceTable;
 use crate::infer::Typed;
 use crate::resolve::{InputSource, ListElement, OutputId, ResolvedLink, ResolvedPrimitive, every};
-use crate::syntax::literal::{Literal, LiteralShape, StoredValue};
+use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ListPosition;
-use arena::{ArenaBuilder, ValueBits};
+use crate::syntax::stored_value::StoredValue;
+use arena::ArenaBuilder;
 use delays::{DelayCopies, DelayKey};
 use lists::ListLayout;
+use operands::BatchKernel;
 use schedule::Batch;
+
+pub use port_slots::PortSlots;
 
 /// A value in an arena.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,18 +53,9 @@ pub struct Lowered {
     /// The plan.
     pub plan: PlanData,
     /// Slots of the inputs and outputs, by item.
-    pub slots: Vec<ItemSlots>,
+    pub slots: PortSlots,
     /// Items with a kernel, in the order of evaluation.
     pub order: Vec<usize>,
-}
-
-/// Slots of the ports of an item.
-#[derive(Clone, Debug, Default)]
-pub struct ItemSlots {
-    /// By input of the spec; of a `Termination` with named outcomes, by outcome.
-    pub inputs: Vec<SlotRange>,
-    /// By output of the spec.
-    pub outputs: Vec<SlotRange>,
 }
 
 /// Lowers a net that keeps every rule.
@@ -72,7 +68,7 @@ pub fn lower(net: Checked<'_>) -> Result<Lowered, Box<Diagnostic>> {
     let mut lowering = Lowering {
         net,
         arena: ArenaBuilder::default(),
-        slots: vec![ItemSlots::default(); net.graph.items.len()],
+        slots: PortSlots::none(net.graph.items.len()),
         copies: BTreeMap::new(),
         lists: ListLayout::default(),
         clocks: 0,
@@ -126,14 +122,14 @@ pub fn lower(net: Checked<'_>) -> Result<Lowered, Box<Diagnostic>> {
 ///
 /// # Errors
 /// Returns the error that the executor would report.
-pub fn prove(plan: &PlanData, cell: &DeviceTable) -> Result<(), Box<Diagnostic>> {
-    let Err(error) = plan.plan().check(&cell.models(), cell.fingerprint) else {
-        return Ok(());
-    };
-    let message = format!("internal error: the plan of this net is invalid: {error:?}");
-    let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, Span::default(), message);
-    let help = "this is a bug of the compiler: report it with the net";
-    Err(Box::new(diagnostic.anywhere().help(help)))
+pub fn prove(plan: &PlanData, cell: &DeviceTable) -> Result<CheckedPlan, Box<Diagnostic>> {
+    let checked = plan.plan().check(&cell.models(), cell.fingerprint);
+    checked.map_err(|error| {
+        let message = format!("internal error: the plan of this net is invalid: {error:?}");
+        let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, Span::default(), message);
+        let help = "this is a bug of the compiler: report it with the net";
+        Box::new(diagnostic.anywhere().help(help))
+    })
 }
 
 /// Appends a run with the operands from `first` to `end`, unless there are none.
@@ -185,7 +181,7 @@ fn initial_value<'a>(item: &ResolvedPrimitive<'a>) -> Option<&'a Literal> {
 struct Lowering<'a> {
     net: Typed<'a>,
     arena: ArenaBuilder,
-    slots: Vec<ItemSlots>,
+    slots: PortSlots,
     copies: DelayCopies,
     lists: ListLayout,
     clocks: u32,
@@ -239,7 +235,7 @@ impl<'a> Lowering<'a> {
             .chain(conditions)
             .collect();
         for key in keys {
-            let copy = self.arena.variable(&key.initial.stored());
+            let copy = self.arena.variable(&key.initial);
             self.copies.insert(key, copy);
         }
     }
@@ -250,14 +246,14 @@ impl<'a> Lowering<'a> {
         DelayKey {
             store: source.store as u8,
             from: source.slot,
-            initial: ValueBits::of(&initial.unwrap_or_else(|| StoredValue::null(ty))),
+            initial: initial.unwrap_or_else(|| StoredValue::null(ty)),
         }
     }
 
     /// Returns the slots that a link reads: an output or a part of it.
     fn source(&self, link: &ResolvedLink<'_>, ty: Type) -> SlotRange {
         let OutputId { item, port } = link.from;
-        let output = self.slots[item].outputs[port];
+        let output = self.slots.outputs(item)[port];
         let whole = self.net.inferred.output_type(self.net.graph, link.from);
         let part = link.part.zip(whole).and_then(|(part, ty)| part.of(ty));
         SlotRange {
@@ -271,6 +267,7 @@ impl<'a> Lowering<'a> {
         let (mut runs, mut operands) = (Vec::new(), Vec::new());
         for batch in schedule {
             let mut first = operands.len() as u32;
+            let kernel = BatchKernel::of(batch.kernel);
             for number in &batch.items {
                 let before = operands.len() as u32;
                 let mut copies = Vec::new();
@@ -280,7 +277,7 @@ impl<'a> Lowering<'a> {
                     runs.append(&mut copies);
                     first = operands.len() as u32;
                 }
-                self.operands(*number, batch.kernel, &mut operands);
+                self.operands(*number, kernel.as_ref(), &mut operands);
             }
             end_run(&mut runs, batch.kernel, first, operands.len() as u32);
         }
@@ -292,8 +289,8 @@ impl<'a> Lowering<'a> {
 
     fn place_outputs(&mut self, number: usize) {
         let item = self.item(number);
-        let outputs = item.spec().outputs.iter().enumerate();
-        let slots = outputs.map(|(index, port)| {
+        let begin = self.slots.begin();
+        for (index, port) in item.spec().outputs.iter().enumerate() {
             let ty = self.port_type(number, port);
             // A constant starts with its value, an input with its initial value in its first output; everything else
             // starts as null.
@@ -305,24 +302,26 @@ impl<'a> Lowering<'a> {
             };
             if item.spec().role == Role::Constant {
                 let value = value.unwrap_or_else(|| StoredValue::null(ty));
-                return self.arena.constant(&value);
+                self.slots.push(self.arena.constant(&value));
+                continue;
             }
             let output = OutputId {
                 item: number,
                 port: index,
             };
             let claimed = self.claimed_slot(output, ty, value.as_ref());
-            claimed.unwrap_or_else(|| match &value {
+            let slot = claimed.unwrap_or_else(|| match &value {
                 Some(value) => self.arena.variable(value),
                 None => self.arena.null(ty),
-            })
-        });
-        self.slots[number].outputs = slots.collect();
+            });
+            self.slots.push(slot);
+        }
+        self.slots.end_outputs(number, begin);
     }
 
     fn place_inputs(&mut self, number: usize) {
         let item = self.item(number);
-        self.slots[number].inputs.reserve_exact(item.inputs.len());
+        let begin = self.slots.begin();
         for (index, (input_source, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate()
         {
             let ty = self.port_type(number, port);
@@ -340,7 +339,7 @@ impl<'a> Lowering<'a> {
                             ListElement::Link(link) => self.link_slot(link, ty),
                             ListElement::Literal(literal, _) => self.constant(Some(literal), ty),
                         };
-                        self.slots[number].inputs.push(slot);
+                        self.slots.push(slot);
                     }
                     continue;
                 }
@@ -348,8 +347,9 @@ impl<'a> Lowering<'a> {
                 // The checks refuse both.
                 InputSource::Missing | InputSource::Refused => self.constant(None, ty),
             };
-            self.slots[number].inputs.push(slot);
+            self.slots.push(slot);
         }
+        self.slots.end_inputs(number, begin);
     }
 
     fn constant(&mut self, literal: Option<&Literal>, ty: Type) -> SlotRange {
@@ -365,7 +365,7 @@ impl<'a> Lowering<'a> {
             Type::Vector3 | Type::Twist | Type::Wrench | Type::Reals(_)
         );
         if let (Default::Real(value), true) = (value, several) {
-            let stored = StoredValue::Reals(vec![value; ty.width() as usize]);
+            let stored = StoredValue::reals(std::iter::repeat_n(value, ty.width() as usize));
             return self.arena.constant(&stored);
         }
         self.constant(Some(&literal(value)), ty)
@@ -387,7 +387,7 @@ impl<'a> Lowering<'a> {
         let items = self.net.graph.items.iter().enumerate();
         let points = items.filter(|(_, item)| item.spec().role == Role::Monitor);
         let point = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
-            let slot = self.slots[number].inputs.first()?;
+            let slot = self.slots.inputs(number).first()?;
             Some(MonitorPoint {
                 store: slot.store,
                 slot: slot.slot,

@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 
+use rcc_config::yaml::ShortText;
 use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
 use rcc_core::types::Store;
@@ -10,7 +11,7 @@ use rcc_protocol::control::PlanData;
 use serde::{Deserialize, Serialize};
 
 use crate::infer::Typed;
-use crate::lower::{ItemSlots, Lowered, SlotRange};
+use crate::lower::{Lowered, SlotRange};
 use crate::null_analysis::analyse_nulls;
 use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive, every};
 
@@ -57,7 +58,7 @@ impl Names {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PrimitiveNames {
     /// Id.
-    pub id: String,
+    pub id: ShortText,
     /// Type.
     #[serde(rename = "type")]
     pub type_name: Cow<'static, str>,
@@ -88,7 +89,7 @@ pub struct PortNames {
     pub unit: Option<Cow<'static, str>>,
     /// The `primitive.port` connected to an input; `None` for a constant and for an output.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub source: Option<String>,
+    pub source: Option<ShortText>,
 }
 
 /// A monitor and its source.
@@ -162,32 +163,28 @@ pub struct InputNames {
 pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
     let nulls = analyse_nulls(net.graph);
     let items = net.graph.items.iter().enumerate();
-    let primitives = items
-        .clone()
-        .zip(&lowered.slots)
-        .map(|((number, item), slots)| {
-            let outputs = item.spec().outputs.iter().zip(&slots.outputs);
-            PrimitiveNames {
-                id: item.id().to_string(),
-                type_name: Cow::Borrowed(item.spec().name),
-                inputs: input_names(net, number, item, slots),
-                outputs: outputs
-                    .map(|(port, slot)| port_names(net, number, port, *slot))
-                    .collect(),
-                never_null: nulls.item(number).is_none(),
-            }
-        });
-    let monitors = items
-        .zip(&lowered.slots)
-        .filter_map(|((number, item), slots)| {
-            let (port, slot) = (item.spec().inputs.first()?, slots.inputs.first()?);
-            let is_monitor = item.spec().role == Role::Monitor;
-            let never_null = nulls.input(item, 0).is_none();
-            is_monitor.then(|| MonitorNames {
-                never_null,
-                ..monitor_names(net, number, item, port, *slot)
-            })
-        });
+    let primitives = items.map(|(number, item)| {
+        let outputs = item.spec().outputs.iter();
+        let outputs = outputs.zip(lowered.slots.outputs(number));
+        PrimitiveNames {
+            id: item.primitive.id.name.clone(),
+            type_name: Cow::Borrowed(item.spec().name),
+            inputs: input_names(net, number, item, lowered.slots.inputs(number)),
+            outputs: outputs
+                .map(|(port, slot)| port_names(net, number, port, *slot))
+                .collect(),
+            never_null: nulls.item(number).is_none(),
+        }
+    });
+    let monitors = net.graph.items_of(|spec| spec.role == Role::Monitor);
+    let monitors = monitors.filter_map(|(number, item)| {
+        let port = item.spec().inputs.first()?;
+        let slot = lowered.slots.inputs(number).first()?;
+        Some(MonitorNames {
+            never_null: nulls.input(item, 0).is_none(),
+            ..monitor_names(net, number, item, port, *slot)
+        })
+    });
     Names {
         net: net.graph.net.name.name.to_string(),
         primitives: primitives.collect(),
@@ -197,9 +194,8 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         motions: motions(net, lowered),
         outcomes: net
             .graph
-            .items
-            .iter()
-            .flat_map(|item| item.conditions())
+            .items_of(|spec| spec.role == Role::Termination)
+            .flat_map(|(_, item)| item.conditions())
             .map(|(_, name, _)| name.to_string())
             .collect(),
     }
@@ -210,10 +206,10 @@ fn input_names(
     net: Typed<'_>,
     number: usize,
     item: &ResolvedPrimitive<'_>,
-    slots: &ItemSlots,
+    slots: &[SlotRange],
 ) -> Vec<PortNames> {
     let ports = item.spec().inputs;
-    let outcomes = item.conditions().zip(&slots.inputs);
+    let outcomes = item.conditions().zip(slots);
     let outcomes = outcomes.filter_map(|((port, name, condition), slot)| {
         Some(PortNames {
             name: Cow::Owned(name.to_owned()),
@@ -225,7 +221,7 @@ fn input_names(
     if !outcomes.is_empty() {
         return outcomes;
     }
-    let inputs = item.inputs.iter().zip(ports).zip(&slots.inputs);
+    let inputs = item.inputs.iter().zip(ports).zip(slots);
     inputs
         .map(|((input_source, port), slot)| PortNames {
             source: source(net, input_source),
@@ -245,10 +241,10 @@ fn motions(net: Typed<'_>, lowered: &Lowered) -> Vec<String> {
 }
 
 fn inputs(net: Typed<'_>, lowered: &Lowered) -> Vec<InputNames> {
-    let items = net.graph.items.iter().zip(&lowered.slots).enumerate();
-    let items = items.filter(|(_, (item, _))| item.spec().role == Role::Input);
-    let named = items.filter_map(|(number, (item, slots))| {
-        let (port, slot) = (item.spec().outputs.first()?, slots.outputs.first()?);
+    let items = net.graph.items_of(|spec| spec.role == Role::Input);
+    let named = items.filter_map(|(number, item)| {
+        let port = item.spec().outputs.first()?;
+        let slot = lowered.slots.outputs(number).first()?;
         Some((item, port_names(net, number, port, *slot)))
     });
     let plan = &lowered.plan;
@@ -269,10 +265,10 @@ fn inputs(net: Typed<'_>, lowered: &Lowered) -> Vec<InputNames> {
 }
 
 fn publishes(net: Typed<'_>, lowered: &Lowered) -> Vec<TopicNames> {
-    let items = net.graph.items.iter().zip(&lowered.slots).enumerate();
-    let items = items.filter(|(_, (item, _))| item.spec().role == Role::Publish);
-    let rows = items.filter_map(|(number, (item, slots))| {
-        let (port, slot) = (item.spec().outputs.first()?, slots.outputs.first()?);
+    let items = net.graph.items_of(|spec| spec.role == Role::Publish);
+    let rows = items.filter_map(|(number, item)| {
+        let port = item.spec().outputs.first()?;
+        let slot = lowered.slots.outputs(number).first()?;
         let port = port_names(net, number, port, *slot);
         Some(TopicNames {
             primitive: item.id().to_string(),
@@ -312,7 +308,10 @@ fn monitor_names(
     let every = every(item, net.graph).unwrap_or(1);
     MonitorNames {
         primitive: item.id().to_string(),
-        source: source.unwrap_or_else(|| format!("{}.{}", item.id(), port.name)),
+        source: match source {
+            Some(source) => source.into(),
+            None => format!("{}.{}", item.id(), port.name),
+        },
         store: names.store,
         slot: names.slot,
         width: names.width,
@@ -324,23 +323,24 @@ fn monitor_names(
     }
 }
 
-fn link_name(net: Typed<'_>, link: &ResolvedLink<'_>) -> String {
+fn link_name(net: Typed<'_>, link: &ResolvedLink<'_>) -> ShortText {
     let output = net.graph.output_name(link.from);
     match link.part {
-        Some(part) => format!("{output}{part}"),
+        Some(part) => format!("{output}{part}").into(),
         None => output,
     }
 }
 
-fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<String> {
+fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<ShortText> {
     match input_source {
         InputSource::Link(link) => Some(link_name(net, link)),
         InputSource::List(list) => {
             let elements = list.elements.iter().map(|element| match element {
                 ListElement::Link(link) => link_name(net, link),
-                ListElement::Literal(literal, _) => literal.to_string(),
+                ListElement::Literal(literal, _) => literal.to_string().into(),
             });
-            Some(format!("[{}]", elements.collect::<Vec<_>>().join(", ")))
+            let elements: Vec<ShortText> = elements.collect();
+            Some(format!("[{}]", elements.join(", ")).into())
         }
         _ => None,
     }

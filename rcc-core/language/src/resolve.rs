@@ -93,6 +93,20 @@ pub fn resolve<'a>(
     }
 }
 
+/// Returns the value with this name. Most are given in the order of the spec, so that its place there is looked at first.
+fn given<'a, T>(given: &'a [(Key, T)], place: usize, name: &str) -> Option<&'a T> {
+    let first = given.get(place).into_iter();
+    let mut rows = first.chain(given);
+    rows.find(|(key, _)| key.name == name)
+        .map(|(_, value)| value)
+}
+
+/// Returns true if a key is one of the names of the spec; that at its place is looked at first.
+fn is_known(place: usize, key: &Key, names: impl Iterator<Item = &'static str> + Clone) -> bool {
+    let first = names.clone().skip(place).take(1);
+    first.chain(names).any(|name| key.name == name)
+}
+
 /// Returns the indices of the items' types in the catalogue, each once, in order.
 fn types_of(items: &[ResolvedPrimitive<'_>]) -> Vec<usize> {
     let mut is_used = vec![false; CATALOGUE.len()];
@@ -191,8 +205,9 @@ impl<'a> Resolver<'a, '_> {
 
     fn parameters(&mut self, primitive: &'a Primitive, spec: &Spec) -> Vec<Option<&'a Literal>> {
         let mut has_unknown = false;
-        for (key, _) in &primitive.parameters {
-            if !spec.parameters.iter().any(|known| known.name == key.name) {
+        for (place, (key, _)) in primitive.parameters.iter().enumerate() {
+            let names = spec.parameters.iter().map(|parameter| parameter.name);
+            if !is_known(place, key, names) {
                 has_unknown = true;
                 let names = spec.parameters.iter().map(|parameter| parameter.name);
                 let is_input = spec.input(&key.name).is_some();
@@ -209,12 +224,8 @@ impl<'a> Resolver<'a, '_> {
             }
         }
         let mut found = Vec::with_capacity(spec.parameters.len());
-        for parameter in spec.parameters {
-            let given = primitive
-                .parameters
-                .iter()
-                .find(|(key, _)| key.name == parameter.name);
-            let given = given.map(|(_, literal)| literal);
+        for (place, parameter) in spec.parameters.iter().enumerate() {
+            let given = given(&primitive.parameters, place, parameter.name);
             // The missing parameter may be the one with the unknown name.
             if given.is_none() && parameter.default.is_none() && !has_unknown {
                 self.missing_parameter(primitive, parameter);

@@ -11,7 +11,7 @@ use rcc_core::types::Store;
 use serde::Serialize;
 
 use crate::infer::Typed;
-use crate::lower::{ItemSlots, Lowered, SlotRange, literal};
+use crate::lower::{Lowered, SlotRange, literal};
 use crate::null_analysis::{NullAnalysis, analyse_nulls};
 use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive};
 
@@ -184,10 +184,9 @@ fn part(
     item: &ResolvedPrimitive<'_>,
 ) -> PrimitiveInfo {
     let spec = item.spec();
-    let no_slots = ItemSlots::default();
-    let slots = lowered.slots.get(number).unwrap_or(&no_slots);
+    let slots = lowered.slots.outputs(number);
     let outputs = spec.outputs.iter().enumerate();
-    let outputs = outputs.map(|(place, port)| pin(net, number, port, slots.outputs.get(place)));
+    let outputs = outputs.map(|(place, port)| pin(net, number, port, slots.get(place)));
     let device = item
         .device
         .and_then(|device| net.graph.cell.devices.get(device));
@@ -197,7 +196,7 @@ fn part(
         role: role(item),
         device: device.map(|device| device.name.clone()),
         parameters: parameters(item),
-        inputs: inputs(net, slots, nulls, number, item),
+        inputs: inputs(net, lowered.slots.inputs(number), nulls, number, item),
         outputs: outputs.collect(),
         active: activity(net, item),
         null: nulls
@@ -210,7 +209,7 @@ fn part(
 /// Returns the inputs of a primitive; each named outcome is an input of its own.
 fn inputs(
     net: Typed<'_>,
-    slots: &ItemSlots,
+    slots: &[SlotRange],
     nulls: &NullAnalysis,
     number: usize,
     item: &ResolvedPrimitive<'_>,
@@ -222,7 +221,7 @@ fn inputs(
             name: Cow::Owned(name.to_owned()),
             sources: vec![element(condition)],
             null: nulls.why_element(net.graph, condition),
-            ..pin(net, number, ports.get(port)?, slots.inputs.get(place))
+            ..pin(net, number, ports.get(port)?, slots.get(place))
         })
     });
     let outcomes: Vec<PortInfo> = outcomes.collect();
@@ -234,7 +233,7 @@ fn inputs(
         .map(|(place, (port, input_source))| PortInfo {
             sources: sources(input_source),
             null: nulls.why_input(net.graph, number, place),
-            ..pin(net, number, port, slots.inputs.get(place))
+            ..pin(net, number, port, slots.get(place))
         })
         .collect()
 }

@@ -6,6 +6,7 @@ pub mod fragment;
 pub mod literal;
 pub mod part;
 pub mod reference;
+pub mod stored_value;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
@@ -106,6 +107,18 @@ impl Source {
             Source::List(list) => list.elements.iter().flat_map(Source::links).collect(),
             Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::links).collect(),
             Source::Literal(_) | Source::Formula(_) | Source::Refused => Vec::new(),
+        }
+    }
+
+    /// Returns true if `is_one` is true for a constant of the source.
+    #[must_use]
+    pub fn has_constant(&self, is_one: fn(&Literal) -> bool) -> bool {
+        match self {
+            Source::Link(link) => link.initial.as_deref().is_some_and(is_one),
+            Source::Literal(literal) => is_one(literal),
+            Source::List(list) => list.elements.iter().any(|it| it.has_constant(is_one)),
+            Source::Outcomes(outcomes) => outcomes.sources().any(|it| it.has_constant(is_one)),
+            Source::Formula(_) | Source::Refused => false,
         }
     }
 

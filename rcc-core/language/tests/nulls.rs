@@ -209,7 +209,7 @@ fn always_null(text: &str) -> Vec<String> {
         });
         outputs
             .filter(|output| nulls.output(*output))
-            .map(|output| graph.output_name(output))
+            .map(|output| graph.output_name(output).into())
             .collect()
     })
 }

@@ -4,9 +4,8 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
-use rcc_api::bodies::{CommandView, Done, Finding};
+use rcc_api::bodies::{CommandView, Done};
 use rcc_api::codes;
-use rcc_api::compile::{self, Compiled};
 use rcc_api::error::ApiError;
 use rcc_api::messages::{self, NameResolver};
 use rcc_config::CellConfig;
@@ -53,6 +52,8 @@ mod values;
 pub struct Service {
     executor: ExecutorLink,
     config: CellConfig,
+    /// Its devices, for the compiler.
+    devices: DeviceTable,
     /// This loader's announcement.
     own: Announcement,
     /// Incarnation of the last known executor, and the configuration by which its devices and channels are named: the
@@ -144,6 +145,7 @@ impl Service {
             executor,
             naming: Published::new((0, Arc::new(config.clone()))),
             files: Mutex::default(),
+            devices: DeviceTable::from(&config),
             config,
             loading: Published::default(),
             texts: Mutex::default(),
@@ -161,7 +163,7 @@ impl Service {
     /// Returns the JSON Schema of nets for this cell.
     #[must_use]
     pub fn schema(&self) -> serde_json::Value {
-        rcc_language::schema::schema(Some(&DeviceTable::from(&self.config)))
+        rcc_language::schema::schema(Some(&self.devices))
     }
 
     /// Includes these helper threads of this process in the status.
@@ -519,14 +521,6 @@ impl Service {
             condition: &condition,
         })
     }
-}
-
-/// Compiles a text without loading it.
-///
-/// # Errors
-/// Returns all errors and warnings of the text if it has an error.
-pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
-    compile::compile(text, file, config)
 }
 
 /// Describes the end of a command, with the cause if it ended at once.

@@ -3,38 +3,37 @@
 //! reads has the same tree and the same positions. Never used on the real-time thread.
 //!
 //! Declined are, for example: tabs and carriage returns outside of comments and quotes, values of several lines, keys
-//! without a value, escapes other than those of `\" \\ \/ \n \t`, anchors, tags, and several documents.
+//! without a value, keys given twice, escapes other than those of `\" \\ \/ \n \t`, unprintable characters,
+//! anchors, tags, and several documents.
 
 use std::borrow::Cow;
 
-use granit_parser::ScalarStyle;
+use foldhash::HashSet;
 
-use super::tree::TreeBuilder;
+use super::tree::is_new;
+use super::{DEPTH_MAX, Entry, Key, Node, ShortText, Value, plain, unprintable};
 use crate::diagnostic::Span;
 
 /// Longest key that is read here, bytes; YAML allows 1024 characters.
 const KEY_MAX: usize = 1000;
 
 /// Reads a text into a tree, or declines it.
-pub(super) fn read(text: &str) -> Option<TreeBuilder<'_>> {
+pub(super) fn read(text: &str) -> Option<Node> {
     if !has_common_characters(text) {
         return None;
     }
-    // Escapes that are read here are printable, too.
-    let builder = match text.is_ascii() {
-        true => TreeBuilder::of_printable(text),
-        false => TreeBuilder::new(text),
-    };
     let mut reader = Reader {
         text,
         bytes: text.as_bytes(),
         at: 0,
         line: 0,
         parent: None,
-        builder,
+        is_ascii: text.is_ascii(),
+        depth: 0,
+        nodes: Vec::new(),
+        entries: Vec::new(),
     };
-    reader.document()?;
-    Some(reader.builder)
+    reader.document()
 }
 
 /// Whether each character is a line feed or printable, and none has a special meaning at the end of a line.
@@ -51,21 +50,33 @@ fn has_common_characters(text: &str) -> bool {
     })
 }
 
-/// By byte: whether it may end a scalar without quotes.
-const MAY_END: [bool; 256] = {
-    let (mut table, ends, mut at) = ([false; 256], b"\n:#,[]{}", 0);
+/// Returns a table by byte: whether it is one of these.
+const fn bytes_of(ends: &[u8]) -> [bool; 256] {
+    let (mut table, mut at) = ([false; 256], 0);
     while at < ends.len() {
         table[ends[at] as usize] = true;
         at += 1;
     }
     table
-};
+}
+
+/// By byte: whether it may end a scalar without quotes.
+const MAY_END: [bool; 256] = bytes_of(b"\n:#,[]{}");
+/// By byte: whether it ends a run of characters in double quotes.
+const ENDS_QUOTED: [bool; 256] = bytes_of(b"\n\"\\");
 
 /// A scalar, and whether it is in quotes.
 struct Scalar<'a> {
     text: Cow<'a, str>,
-    style: ScalarStyle,
+    is_plain: bool,
     span: Span,
+}
+
+/// A list or mapping that is being read: its elements or entries are those from `first` on.
+struct Open {
+    first: usize,
+    /// First byte.
+    start: usize,
 }
 
 struct Reader<'a> {
@@ -77,18 +88,25 @@ struct Reader<'a> {
     line: usize,
     /// Column of the innermost block collection; none at the root.
     parent: Option<usize>,
-    builder: TreeBuilder<'a>,
+    /// The text is ASCII: no character is unprintable.
+    is_ascii: bool,
+    /// Number of open lists and mappings.
+    depth: usize,
+    /// Elements of all open lists: each gets its memory when its length is known.
+    nodes: Vec<Node>,
+    /// Entries of all open mappings.
+    entries: Vec<Entry>,
 }
 
 impl<'a> Reader<'a> {
-    fn document(&mut self) -> Option<()> {
+    fn document(&mut self) -> Option<Node> {
         self.skip_to_token();
-        match self.peek()? {
+        let root = match self.peek()? {
             b'{' | b'[' => self.flow()?,
             _ => self.block(self.column())?,
-        }
+        };
         self.skip_to_token();
-        self.peek().is_none().then_some(())
+        self.peek().is_none().then_some(root)
     }
 
     fn peek(&self) -> Option<u8> {
@@ -107,6 +125,13 @@ impl<'a> Reader<'a> {
         while self.peek() == Some(b' ') {
             self.at += 1;
         }
+    }
+
+    /// Skips the bytes up to the next one of a table.
+    fn skip_until(&mut self, ends: &[bool; 256]) {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let others = rest.iter().position(|byte| ends[usize::from(*byte)]);
+        self.at += others.unwrap_or(rest.len());
     }
 
     /// Skips spaces, and a comment behind them, up to the end of the line; declines if anything else follows.
@@ -149,10 +174,40 @@ impl<'a> Reader<'a> {
         self.peek() == Some(b'-') && matches!(self.next(), Some(b' '))
     }
 
+    /// Opens a list or mapping whose first element would have this index.
+    fn open(&mut self, first: usize, start: usize) -> Option<Open> {
+        self.depth += 1;
+        (self.depth <= DEPTH_MAX).then_some(Open { first, start })
+    }
+
+    /// Closes a list; a block ends with its last element.
+    fn close_list(&mut self, open: &Open, end: Option<usize>) -> Node {
+        self.depth -= 1;
+        let nodes = self.nodes.split_off(open.first);
+        let last = nodes.last().map(|node| node.span.end);
+        let end = end.or(last).unwrap_or(open.start);
+        Node {
+            value: Value::List(nodes),
+            span: Span::new(open.start, end),
+        }
+    }
+
+    /// Closes a mapping; a block ends with its last value.
+    fn close_map(&mut self, open: &Open, end: Option<usize>) -> Node {
+        self.depth -= 1;
+        let entries = self.entries.split_off(open.first);
+        let last = entries.last().map(|entry| entry.value.span.end);
+        let end = end.or(last).unwrap_or(open.start);
+        Node {
+            value: Value::Map(entries),
+            span: Span::new(open.start, end),
+        }
+    }
+
     /// Reads a list or mapping that begins here, at a column of its own.
-    fn block(&mut self, column: usize) -> Option<()> {
+    fn block(&mut self, column: usize) -> Option<Node> {
         let outer = self.parent.replace(column);
-        if self.is_item() {
+        let block = if self.is_item() {
             // A list at the column of its key begins, for the general parser, at its first element.
             let mut start = self.at;
             if outer == Some(column) {
@@ -161,34 +216,36 @@ impl<'a> Reader<'a> {
                     .take_while(|byte| **byte == b' ')
                     .count();
             }
-            self.block_list(column, start)?;
+            self.block_list(column, start)?
         } else {
             let key = self.scalar(false)?;
-            self.block_map(column, key)?;
-        }
+            self.block_map(column, key)?
+        };
         self.parent = outer;
-        Some(())
+        Some(block)
     }
 
-    fn block_list(&mut self, column: usize, start: usize) -> Option<()> {
-        self.builder.open_list(Span::new(start, start)).ok()?;
+    fn block_list(&mut self, column: usize, start: usize) -> Option<Node> {
+        let open = self.open(self.nodes.len(), start)?;
         while self.is_item() && self.column() == column {
             self.at += 1;
             self.skip_spaces();
-            self.item()?;
+            let item = self.item()?;
+            self.nodes.push(item);
             self.skip_to_token();
             if self.peek().is_some() && self.column() > column {
                 return None;
             }
         }
-        self.builder.close(self.here()).ok()
+        Some(self.close_list(&open, None))
     }
 
-    fn item(&mut self) -> Option<()> {
+    fn item(&mut self) -> Option<Node> {
         match self.peek()? {
             b'{' | b'[' => {
-                self.flow()?;
-                return self.end_line();
+                let flow = self.flow()?;
+                self.end_line()?;
+                return Some(flow);
             }
             b'\n' | b'#' => return None,
             _ if self.is_item() => return self.block(self.column()),
@@ -198,21 +255,22 @@ impl<'a> Reader<'a> {
         let scalar = self.scalar(false)?;
         if self.peek() == Some(b':') {
             let outer = self.parent.replace(column);
-            self.block_map(column, scalar)?;
+            let map = self.block_map(column, scalar)?;
             self.parent = outer;
-            return Some(());
+            return Some(map);
         }
         self.value(scalar)
     }
 
     /// Reads a mapping whose first key has been read.
-    fn block_map(&mut self, column: usize, first: Scalar<'a>) -> Option<()> {
-        let start = first.span.start;
-        self.builder.open_map(Span::new(start, start)).ok()?;
+    fn block_map(&mut self, column: usize, first: Scalar<'a>) -> Option<Node> {
+        let open = self.open(self.entries.len(), first.span.start)?;
+        let mut names = None;
         let mut key = first;
         loop {
-            self.key(key)?;
-            self.map_value(column)?;
+            let name = self.key(key, &open, &mut names)?;
+            let value = self.map_value(column)?;
+            self.entries.push(Entry { key: name, value });
             self.skip_to_token();
             match self.peek() {
                 Some(_) if self.column() == column && !self.is_item() => {
@@ -222,19 +280,29 @@ impl<'a> Reader<'a> {
                 _ => break,
             }
         }
-        self.builder.close(self.here()).ok()
+        Some(self.close_map(&open, None))
     }
 
-    /// Takes a key and the colon behind it.
-    fn key(&mut self, key: Scalar<'a>) -> Option<()> {
+    /// Takes a key of an open mapping, and the colon behind it.
+    fn key(
+        &mut self,
+        key: Scalar<'a>,
+        map: &Open,
+        names: &mut Option<Box<HashSet<ShortText>>>,
+    ) -> Option<Key> {
         if self.peek() != Some(b':') || key.span.end - key.span.start > KEY_MAX {
             return None;
         }
         self.at += 1;
-        self.put(key)
+        let is_good =
+            self.is_printable(&key) && is_new(&key.text, self.entries.get(map.first..)?, names);
+        is_good.then(|| Key {
+            name: ShortText::new(&key.text),
+            span: key.span,
+        })
     }
 
-    fn map_value(&mut self, column: usize) -> Option<()> {
+    fn map_value(&mut self, column: usize) -> Option<Node> {
         match self.peek()? {
             b' ' => self.skip_spaces(),
             b'\n' => {}
@@ -242,8 +310,9 @@ impl<'a> Reader<'a> {
         }
         match self.peek()? {
             b'{' | b'[' => {
-                self.flow()?;
-                self.end_line()
+                let flow = self.flow()?;
+                self.end_line()?;
+                Some(flow)
             }
             b'\n' | b'#' => {
                 self.skip_to_token();
@@ -264,24 +333,28 @@ impl<'a> Reader<'a> {
     }
 
     /// Takes a scalar that ends its line, and is not continued in the next one.
-    fn value(&mut self, scalar: Scalar<'a>) -> Option<()> {
+    fn value(&mut self, scalar: Scalar<'a>) -> Option<Node> {
         self.end_line()?;
         self.skip_to_token();
         if self.peek().is_some() && self.parent.is_none_or(|parent| self.column() > parent) {
             return None;
         }
-        self.put(scalar)
+        self.node(scalar)
     }
 
-    fn put(&mut self, scalar: Scalar<'a>) -> Option<()> {
-        self.builder
-            .scalar(scalar.text, scalar.style, scalar.span)
-            .ok()
+    fn is_printable(&self, scalar: &Scalar<'a>) -> bool {
+        // Escapes that are read here are printable, too.
+        self.is_ascii || unprintable(&scalar.text, scalar.span).is_none()
     }
 
-    /// An empty span at the next byte.
-    fn here(&self) -> Span {
-        Span::new(self.at, self.at)
+    fn node(&self, scalar: Scalar<'a>) -> Option<Node> {
+        self.is_printable(&scalar).then(|| Node {
+            value: match scalar.is_plain {
+                true => plain(&scalar.text),
+                false => Value::Text(ShortText::new(&scalar.text)),
+            },
+            span: scalar.span,
+        })
     }
 
     /// As [`Reader::skip_to_token`], in brackets: what follows a line feed is indented more than the block around it.
@@ -293,46 +366,61 @@ impl<'a> Reader<'a> {
     }
 
     /// Reads a list or mapping in brackets.
-    fn flow(&mut self) -> Option<()> {
-        let is_map = self.peek() == Some(b'{');
-        let end = if is_map { b'}' } else { b']' };
-        let span = Span::new(self.at, self.at + 1);
-        self.at += 1;
-        if is_map {
-            self.builder.open_map(span).ok()?;
-        } else {
-            self.builder.open_list(span).ok()?;
+    fn flow(&mut self) -> Option<Node> {
+        match self.peek()? {
+            b'{' => self.flow_map(),
+            _ => self.flow_list(),
         }
-        self.skip_in_flow()?;
-        while self.peek()? != end {
-            if is_map {
-                let key = self.scalar(true)?;
-                let is_plain = key.style == ScalarStyle::Plain;
-                self.key(key)?;
-                if is_plain && !matches!(self.peek()?, b' ' | b'\n') {
-                    return None;
-                }
-                self.skip_in_flow()?;
-            }
-            self.flow_value()?;
-            self.skip_in_flow()?;
-            match self.peek()? {
-                b',' => {
-                    self.at += 1;
-                    self.skip_in_flow()?;
-                    if self.peek()? == end {
-                        return None;
-                    }
-                }
-                byte if byte == end => {}
-                _ => return None,
-            }
-        }
-        self.at += 1;
-        self.builder.close(Span::new(self.at - 1, self.at)).ok()
     }
 
-    fn flow_value(&mut self) -> Option<()> {
+    fn flow_map(&mut self) -> Option<Node> {
+        let open = self.open(self.entries.len(), self.at)?;
+        let mut names = None;
+        self.at += 1;
+        self.skip_in_flow()?;
+        while self.peek()? != b'}' {
+            let key = self.scalar(true)?;
+            let is_plain = key.is_plain;
+            let key = self.key(key, &open, &mut names)?;
+            if is_plain && !matches!(self.peek()?, b' ' | b'\n') {
+                return None;
+            }
+            self.skip_in_flow()?;
+            let value = self.flow_value()?;
+            self.entries.push(Entry { key, value });
+            self.end_element(b'}')?;
+        }
+        self.at += 1;
+        Some(self.close_map(&open, Some(self.at)))
+    }
+
+    fn flow_list(&mut self) -> Option<Node> {
+        let open = self.open(self.nodes.len(), self.at)?;
+        self.at += 1;
+        self.skip_in_flow()?;
+        while self.peek()? != b']' {
+            let element = self.flow_value()?;
+            self.nodes.push(element);
+            self.end_element(b']')?;
+        }
+        self.at += 1;
+        Some(self.close_list(&open, Some(self.at)))
+    }
+
+    /// Skips the comma behind an element, unless the list or mapping ends with this byte.
+    fn end_element(&mut self, end: u8) -> Option<()> {
+        self.skip_in_flow()?;
+        match self.peek()? {
+            b',' => {
+                self.at += 1;
+                self.skip_in_flow()?;
+                (self.peek()? != end).then_some(())
+            }
+            byte => (byte == end).then_some(()),
+        }
+    }
+
+    fn flow_value(&mut self) -> Option<Node> {
         match self.peek()? {
             b'{' | b'[' => self.flow(),
             _ => {
@@ -340,7 +428,7 @@ impl<'a> Reader<'a> {
                 if self.peek() == Some(b':') {
                     return None;
                 }
-                self.put(scalar)
+                self.node(scalar)
             }
         }
     }
@@ -370,9 +458,7 @@ impl<'a> Reader<'a> {
             _ => {}
         }
         loop {
-            let rest = self.bytes.get(self.at..).unwrap_or_default();
-            let ordinary = rest.iter().position(|byte| MAY_END[usize::from(*byte)]);
-            self.at += ordinary.unwrap_or(rest.len());
+            self.skip_until(&MAY_END);
             match self.peek() {
                 None | Some(b'\n') => break,
                 Some(b':') => match self.next() {
@@ -386,17 +472,18 @@ impl<'a> Reader<'a> {
             }
             self.at += 1;
         }
-        let text = self.text[start..self.at].trim_end_matches(' ');
-        let end = start + text.len();
+        let ended = self.at;
+        while self.at > start && self.bytes[self.at - 1] == b' ' {
+            self.at -= 1;
+        }
         // Behind spaces there is a comment or the end of the line; a colon there ends no key.
-        if end < self.at && self.peek() == Some(b':') {
+        if self.at < ended && self.bytes.get(ended) == Some(&b':') {
             return None;
         }
-        self.at = end;
         Some(Scalar {
-            text: Cow::Borrowed(text),
-            style: ScalarStyle::Plain,
-            span: Span::new(start, end),
+            text: Cow::Borrowed(&self.text[start..self.at]),
+            is_plain: true,
+            span: Span::new(start, self.at),
         })
     }
 
@@ -421,7 +508,7 @@ impl<'a> Reader<'a> {
         } else {
             Cow::Borrowed(inside)
         };
-        Some(self.quoted(start, text, ScalarStyle::SingleQuoted))
+        Some(self.quoted(start, text))
     }
 
     fn double_quoted(&mut self) -> Option<Scalar<'a>> {
@@ -430,8 +517,8 @@ impl<'a> Reader<'a> {
         let mut text = Cow::Borrowed("");
         let mut copied = self.at;
         loop {
+            self.skip_until(&ENDS_QUOTED);
             match self.peek()? {
-                b'\n' => return None,
                 b'"' => break,
                 b'\\' => {
                     let text = text.to_mut();
@@ -445,7 +532,7 @@ impl<'a> Reader<'a> {
                     self.at += 2;
                     copied = self.at;
                 }
-                _ => self.at += 1,
+                _ => return None,
             }
         }
         let rest = &self.text[copied..self.at];
@@ -454,14 +541,17 @@ impl<'a> Reader<'a> {
         } else {
             text.to_mut().push_str(rest);
         }
-        Some(self.quoted(start, text, ScalarStyle::DoubleQuoted))
+        Some(self.quoted(start, text))
     }
 
     /// Takes the quote at the end.
-    fn quoted(&mut self, start: usize, text: Cow<'a, str>, style: ScalarStyle) -> Scalar<'a> {
+    fn quoted(&mut self, start: usize, text: Cow<'a, str>) -> Scalar<'a> {
         self.at += 1;
-        let span = Span::new(start, self.at);
-        Scalar { text, style, span }
+        Scalar {
+            text,
+            is_plain: false,
+            span: Span::new(start, self.at),
+        }
     }
 }
 

@@ -24,7 +24,7 @@ pub fn line(value: &str) -> Cow<'_, str> {
 }
 
 fn is_text(value: &str) -> bool {
-    matches!(plain(Cow::Borrowed(value)), Value::Text(_))
+    matches!(plain(value), Value::Text(_))
 }
 
 /// Returns the text as a key; unlike values, keys are always text.

@@ -33,7 +33,11 @@ enum OpenNode {
 const FEW_ENTRIES: usize = 16;
 
 /// Returns true if no entry of the mapping has this key yet.
-fn is_new(name: &str, entries: &[Entry], keys: &mut Option<Box<HashSet<ShortText>>>) -> bool {
+pub(super) fn is_new(
+    name: &str,
+    entries: &[Entry],
+    keys: &mut Option<Box<HashSet<ShortText>>>,
+) -> bool {
     if entries.len() < FEW_ENTRIES {
         return entries.iter().all(|entry| entry.key.name != name);
     }
@@ -48,8 +52,6 @@ fn is_new(name: &str, entries: &[Entry], keys: &mut Option<Box<HashSet<ShortText
 /// The tree as far as it is built.
 pub(super) struct TreeBuilder<'a> {
     text: &'a str,
-    /// No scalar has an unprintable character, so none is looked for.
-    printable: bool,
     stack: Vec<(OpenNode, Span)>,
     /// Elements of all open lists.
     nodes: Vec<Node>,
@@ -65,21 +67,12 @@ impl<'a> TreeBuilder<'a> {
     pub(super) fn new(text: &'a str) -> TreeBuilder<'a> {
         TreeBuilder {
             text,
-            printable: false,
             stack: Vec::new(),
             nodes: Vec::new(),
             entries: Vec::new(),
             documents: 0,
             root: None,
             faults: Vec::new(),
-        }
-    }
-
-    /// Of a text in which no scalar has an unprintable character.
-    pub(super) fn of_printable(text: &'a str) -> TreeBuilder<'a> {
-        TreeBuilder {
-            printable: true,
-            ..TreeBuilder::new(text)
         }
     }
 
@@ -140,15 +133,13 @@ impl<'a> TreeBuilder<'a> {
         Span::new(range.start.min(end), end)
     }
 
-    pub(super) fn scalar(
+    fn scalar(
         &mut self,
         text: Cow<'a, str>,
         style: ScalarStyle,
         span: Span,
     ) -> Result<(), Box<Diagnostic>> {
-        if !self.printable {
-            self.faults.extend(unprintable(&text, span));
-        }
+        self.faults.extend(unprintable(&text, span));
         if let Some((OpenNode::Map { first, keys, key }, _)) = self.stack.last_mut()
             && key.is_none()
         {
@@ -164,19 +155,19 @@ impl<'a> TreeBuilder<'a> {
             return Ok(());
         }
         let value = if style == ScalarStyle::Plain {
-            plain(text)
+            plain(&text)
         } else {
             Value::Text(text.into())
         };
         self.put(Node { value, span })
     }
 
-    pub(super) fn open_list(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
+    fn open_list(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
         let first = self.nodes.len();
         self.open(OpenNode::List { first }, span)
     }
 
-    pub(super) fn open_map(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
+    fn open_map(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
         let map = OpenNode::Map {
             first: self.entries.len(),
             keys: None,
@@ -200,7 +191,7 @@ impl<'a> TreeBuilder<'a> {
         Ok(())
     }
 
-    pub(super) fn close(&mut self, end: Span) -> Result<(), Box<Diagnostic>> {
+    fn close(&mut self, end: Span) -> Result<(), Box<Diagnostic>> {
         let Some((open, start)) = self.stack.pop() else {
             return Ok(());
         };

@@ -19,6 +19,10 @@ use crate::flatten::FlatSource;
 /// Converts a name of the predecessor to an id: lowercase letters, digits and `_`, beginning with a letter.
 #[must_use]
 pub fn id(name: &str) -> ShortText {
+    let is_of_id = |byte: u8| matches!(byte, b'a'..=b'z' | b'0'..=b'9' | b'_');
+    if name.starts_with(|c: char| c.is_ascii_lowercase()) && name.bytes().all(is_of_id) {
+        return ShortText::new(name);
+    }
     let mut id = ShortText::with_capacity(name.len() + 1);
     for c in name.chars() {
         match c {
@@ -104,14 +108,11 @@ impl Conversion<'_, '_> {
                 continue;
             }
             self.current = arm.made_for;
+            let (name, span) = (id(&format!("{device}_command")), self.span(arm.made_for));
             let made = self.add(BuiltPrimitive {
-                id: id(&format!("{device}_command")),
-                span: self.span(arm.made_for),
-                ty: "JointPositionCommand",
                 parameters: vec![("device", text(&device, arm.span))],
-                inputs: Vec::new(),
                 active: arm.active,
-                made_for: arm.made_for,
+                ..BuiltPrimitive::new("JointPositionCommand", name, span, arm.made_for)
             });
             let span = arm.axes.values().next().map_or(arm.span, |(_, span)| *span);
             let list = BuiltValue::List(arm.axes.into_values().map(|(value, _)| value).collect());
@@ -160,14 +161,10 @@ impl Conversion<'_, '_> {
                 (done, never) = (value, false);
                 continue;
             }
+            let name = id(&format!("end_{end}"));
             let made = self.add(BuiltPrimitive {
-                id: id(&format!("end_{end}")),
-                span,
-                ty: "Or",
-                parameters: Vec::new(),
                 inputs: vec![("a", done, span), ("b", value, span)],
-                active: None,
-                made_for: usize::MAX,
+                ..BuiltPrimitive::new("Or", name, span, usize::MAX)
             });
             done = self.built_output(made, "out");
         }
@@ -179,13 +176,8 @@ impl Conversion<'_, '_> {
             ));
         }
         self.add(BuiltPrimitive {
-            id: "end".into(),
-            span,
-            ty: "Termination",
-            parameters: Vec::new(),
             inputs: vec![("done", done, span)],
-            active: None,
-            made_for: usize::MAX,
+            ..BuiltPrimitive::new("Termination", "end".into(), span, usize::MAX)
         });
     }
 
@@ -408,7 +400,8 @@ impl NetWriter<'_> {
                 let null = || Literal::new(LiteralShape::Null, span);
                 self.link(output, delayed.then(null), span, read)
             }
-            BuiltValue::Before(output, initial) => {
+            BuiltValue::Before(before) => {
+                let (output, initial) = before.as_ref();
                 self.link(output, Some(initial.clone()), span, read)
             }
             BuiltValue::Constant(literal) => InputSource::Literal(literal.clone()),

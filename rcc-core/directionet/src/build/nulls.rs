@@ -104,7 +104,7 @@ impl<'t> Conversion<'t, '_> {
                 let other = match (reads, self.built_output(made, "out")) {
                     // The last known value: the output itself, in the previous cycle.
                     (NullReading::Last, BuiltValue::Output(output)) => {
-                        BuiltValue::Before(output, constant)
+                        BuiltValue::Before(Box::new((output, constant)))
                     }
                     _ => BuiltValue::Constant(constant),
                 };

@@ -175,14 +175,10 @@ impl Conversion<'_, '_> {
         inputs: Vec<(&'static str, BuiltValue, Span)>,
     ) -> usize {
         let made = self.built.len();
+        let (id, span) = (self.id_of(number), self.span(number));
         self.built.push(BuiltPrimitive {
-            id: self.id_of(number),
-            span: self.span(number),
-            ty,
-            parameters: Vec::new(),
             inputs,
-            active: None,
-            made_for: number,
+            ..BuiltPrimitive::new(ty, id, span, number)
         });
         made
     }

@@ -237,6 +237,7 @@ impl Conversion<'_, '_> {
             id,
             span,
             ty: spec.name,
+            spec: Some(spec),
             parameters,
             inputs: Vec::new(),
             active: None,

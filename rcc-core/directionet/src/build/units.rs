@@ -3,7 +3,6 @@
 
 use rcc_config::diagnostic::Span;
 use rcc_core::primitive::{Port, PortType, Spec, UnitRule};
-use rcc_core::primitives;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
@@ -13,8 +12,7 @@ use crate::values::ForeignType;
 
 impl Conversion<'_, '_> {
     pub(super) fn spec(&self, made: usize) -> Option<&'static Spec> {
-        let built = self.built.get(made)?;
-        Some(&primitives::find(built.ty)?.1.spec)
+        self.built.get(made)?.spec
     }
 
     /// Returns an output of an RCC primitive.
@@ -74,9 +72,8 @@ impl Conversion<'_, '_> {
 
     fn is_vector_value(&self, value: &BuiltValue) -> bool {
         match value {
-            BuiltValue::Output(output) | BuiltValue::Before(output, _) => {
-                output.is_vector && output.index.is_none()
-            }
+            BuiltValue::Output(output) => output.is_whole_vector(),
+            BuiltValue::Before(before) => before.0.is_whole_vector(),
             BuiltValue::Constant(literal) => is_vector_literal(literal),
             BuiltValue::Delayed(number) => {
                 let pre = self.delayed.get(*number).map(|(primitive, _)| *primitive);
@@ -159,7 +156,7 @@ impl Conversion<'_, '_> {
         let one = Literal::new(LiteralShape::Real(1.0, Some(unit.per(output.unit))), span);
         let name = if unit == Unit::ONE { "bare" } else { "unit" };
         let key = format!("cast {output:?} {unit:?}");
-        let (ty, inputs): (_, [&'static str; 2]) = if output.is_vector && output.index.is_none() {
+        let (ty, inputs): (_, [&'static str; 2]) = if output.is_whole_vector() {
             ("Scale", ["in", "factor"])
         } else {
             ("Multiply", ["a", "b"])
@@ -173,7 +170,7 @@ impl Conversion<'_, '_> {
         match self.built_output(made, "out") {
             BuiltValue::Output(out) => BuiltValue::Output(BuiltOutput {
                 unit,
-                is_vector: output.is_vector && output.index.is_none(),
+                is_vector: output.is_whole_vector(),
                 ..out
             }),
             other => other,

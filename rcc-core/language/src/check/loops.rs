@@ -125,6 +125,9 @@ pub fn loops_can_recover_from_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
     }
     let mut known: Vec<bool> = is_in_loop.iter().map(|is_in_loop| !is_in_loop).collect();
     settle(net.graph, &components, &all, &mut known);
+    if !known.contains(&false) {
+        return;
+    }
     let stuck = |number: usize| known.get(number) == Some(&false);
     let null = sources(net.graph, |number, link| {
         stuck(number) && stuck(link.from.item) && components.same(number, link.from.item)

@@ -12,7 +12,7 @@ use crate::parse::literal;
 use crate::source_map::SpanShift;
 use crate::syntax::fragment::{Fragment, FragmentParameter};
 use crate::syntax::literal::{Literal, LiteralShape};
-use crate::syntax::{Primitive, Timing};
+use crate::syntax::{Primitive, Source, Timing};
 
 /// The values of the parameters of an instance, by name.
 #[derive(Debug, Default)]
@@ -180,14 +180,16 @@ pub fn constants(primitive: &Primitive) -> impl Iterator<Item = &Literal> {
     let parameters = primitive.parameters.iter().map(|(_, literal)| literal);
     let inputs = primitive.inputs.iter().map(|(_, source)| source);
     let sources = inputs.chain(&primitive.active);
-    let sources = sources.flat_map(|source| source.constants());
-    parameters.chain(sources)
+    parameters.chain(sources.flat_map(Source::constants))
 }
 
 /// Returns true if a constant of the primitive contains parameters.
 pub fn any_in(primitive: &Primitive) -> bool {
-    let mut constants = constants(primitive);
-    constants.any(|literal| matches!(literal.shape, LiteralShape::Parameterised(_)))
+    let is_one = |literal: &Literal| matches!(literal.shape, LiteralShape::Parameterised(_));
+    let sources = primitive.inputs.iter().map(|(_, source)| source);
+    let mut sources = sources.chain(&primitive.active);
+    let mut parameters = primitive.parameters.iter();
+    parameters.any(|(_, literal)| is_one(literal)) || sources.any(|it| it.has_constant(is_one))
 }
 
 /// Collects the parameters that a constant refers to, with their spans.

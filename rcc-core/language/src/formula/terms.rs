@@ -77,7 +77,7 @@ impl Terms {
                     value: Tree::Text(name.as_str().into()),
                     span,
                 };
-                Ok(constant(LiteralShape::Parameterised(node), span))
+                Ok(constant(LiteralShape::Parameterised(Box::new(node)), span))
             }
             TermKind::Name(name) => self.name(name, term, span, scope.inputs),
             TermKind::Apply(application) => {

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use rcc_config::diagnostic::Span;
-use rcc_config::yaml::{Key, Node, Value as Tree};
+use rcc_config::yaml::Key;
 use rcc_core::primitive::Spec;
 
 use super::fold::fold;
@@ -238,10 +238,10 @@ fn write_constant(literal: &Literal, key: &mut String) {
             Ok(())
         }
         LiteralShape::Real(value, unit) => write!(key, "={:x}{unit:?}", value.to_bits()),
-        LiteralShape::Parameterised(Node {
-            value: Tree::Text(text),
-            ..
-        }) => write!(key, "={text}"),
+        LiteralShape::Parameterised(node) => match node.text() {
+            Some(text) => write!(key, "={text}"),
+            None => write!(key, "={node:?}"),
+        },
         shape => write!(key, "={shape:?}"),
     };
 }

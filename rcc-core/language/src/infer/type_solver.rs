@@ -171,7 +171,8 @@ struct TypeConstraint {
 
 /// Infers the open types and lengths of all items.
 pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables> {
-    let mut constraints = Vec::new();
+    let links = graph.items.iter().map(|item| item.inputs.len());
+    let mut constraints = Vec::with_capacity(links.sum());
     for (number, item) in graph.items.iter().enumerate() {
         for (port, link) in item.links() {
             let sink = item.spec().inputs.get(port);
@@ -199,7 +200,7 @@ pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables>
         joints,
         open: vec![TypeVariables::default(); graph.items.len()],
         users: items.collect::<Adjacency>().reversed(graph.items.len()),
-        constraints,
+        constraints: &constraints,
         queue: VecDeque::new(),
         backwards: false,
     };
@@ -212,7 +213,7 @@ struct TypeSolver<'g, 'a> {
     /// Number of joints of its device, by item.
     joints: &'g [Option<u16>],
     open: Vec<TypeVariables>,
-    constraints: Vec<TypeConstraint>,
+    constraints: &'g [TypeConstraint],
     /// The links that begin or end at it, by item.
     users: Adjacency,
     queue: VecDeque<usize>,
@@ -280,7 +281,7 @@ impl TypeSolver<'_, '_> {
 
     fn run(&mut self) {
         while let Some(number) = self.queue.pop_front() {
-            if let Some(constraint) = self.constraints.get(number).copied() {
+            if let Some(constraint) = self.constraints.get(number) {
                 self.propagate(constraint);
             }
         }
@@ -291,7 +292,7 @@ impl TypeSolver<'_, '_> {
         self.open.get(at.item)?.port(joints, at.port)
     }
 
-    fn propagate(&mut self, constraint: TypeConstraint) {
+    fn propagate(&mut self, constraint: &TypeConstraint) {
         let source = self.type_at(constraint.source);
         let part = match constraint.part {
             None => source,

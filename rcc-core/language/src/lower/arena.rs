@@ -5,7 +5,7 @@ use foldhash::HashMap;
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
 
 use super::SlotRange;
-use crate::syntax::literal::StoredValue;
+use crate::syntax::stored_value::StoredValue;
 
 /// The initial arenas.
 #[derive(Debug, Default)]
@@ -16,75 +16,22 @@ pub struct ArenaBuilder {
     pub bools: Vec<u8>,
     /// Arena of `Int`.
     pub ints: Vec<i64>,
-    constants: HashMap<ValueBits, SlotRange>,
-}
-
-/// A value by its bits: values that are equal here are interchangeable in a cycle.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum ValueBits {
-    /// A number.
-    Real(u64),
-    /// A truth value.
-    Bool(u8),
-    /// A whole number.
-    Int(i64),
-    /// A composite or an array of numbers.
-    Reals(Vec<u64>),
-    /// An array of truth values.
-    Bools(Vec<u8>),
-    /// An array of whole numbers.
-    Ints(Vec<i64>),
-}
-
-impl ValueBits {
-    /// Returns the bits of a value.
-    pub fn of(value: &StoredValue) -> ValueBits {
-        match value {
-            StoredValue::Reals(values) => match values[..] {
-                [value] => ValueBits::Real(value.to_bits()),
-                _ => ValueBits::Reals(values.iter().map(|value| value.to_bits()).collect()),
-            },
-            StoredValue::Bools(values) => match values[..] {
-                [value] => ValueBits::Bool(value),
-                _ => ValueBits::Bools(values.clone()),
-            },
-            StoredValue::Ints(values) => match values[..] {
-                [value] => ValueBits::Int(value),
-                _ => ValueBits::Ints(values.clone()),
-            },
-        }
-    }
-
-    /// Returns the value.
-    pub fn stored(&self) -> StoredValue {
-        let real = |bits: &u64| f64::from_bits(*bits);
-        match self {
-            ValueBits::Real(bits) => StoredValue::Reals(vec![real(bits)]),
-            ValueBits::Bool(value) => StoredValue::Bools(vec![*value]),
-            ValueBits::Int(value) => StoredValue::Ints(vec![*value]),
-            ValueBits::Reals(bits) => StoredValue::Reals(bits.iter().map(real).collect()),
-            ValueBits::Bools(values) => StoredValue::Bools(values.clone()),
-            ValueBits::Ints(values) => StoredValue::Ints(values.clone()),
-        }
-    }
+    constants: HashMap<StoredValue, SlotRange>,
 }
 
 impl ArenaBuilder {
     /// Allocates slots with these initial values.
     pub fn variable(&mut self, initial: &StoredValue) -> SlotRange {
-        let (store, slot, width) = match initial {
-            StoredValue::Reals(values) => {
-                (Store::Real, extend(&mut self.reals, values), values.len())
-            }
-            StoredValue::Bools(values) => {
-                (Store::Bool, extend(&mut self.bools, values), values.len())
-            }
-            StoredValue::Ints(values) => (Store::Int, extend(&mut self.ints, values), values.len()),
+        let words = initial.words().iter();
+        let slot = match initial.store() {
+            Store::Real => extend(&mut self.reals, words.map(real)),
+            Store::Bool => extend(&mut self.bools, words.map(bool)),
+            Store::Int => extend(&mut self.ints, words.map(int)),
         };
         SlotRange {
-            store,
+            store: initial.store(),
             slot,
-            width: width as u32,
+            width: initial.width(),
         }
     }
 
@@ -102,21 +49,21 @@ impl ArenaBuilder {
 
     /// Returns slots that nothing writes; equal constants share them.
     pub fn constant(&mut self, value: &StoredValue) -> SlotRange {
-        let key = ValueBits::of(value);
-        if let Some(slot) = self.constants.get(&key) {
+        if let Some(slot) = self.constants.get(value) {
             return *slot;
         }
         let slot = self.variable(value);
-        self.constants.insert(key, slot);
+        self.constants.insert(value.clone(), slot);
         slot
     }
 
     /// Overwrites the initial values from a slot on, in the arena of the value.
     pub fn write(&mut self, slot: u32, value: &StoredValue) {
-        match value {
-            StoredValue::Reals(values) => write(&mut self.reals, slot, values),
-            StoredValue::Bools(values) => write(&mut self.bools, slot, values),
-            StoredValue::Ints(values) => write(&mut self.ints, slot, values),
+        let words = value.words().iter();
+        match value.store() {
+            Store::Real => write(&mut self.reals, slot, words.map(real)),
+            Store::Bool => write(&mut self.bools, slot, words.map(bool)),
+            Store::Int => write(&mut self.ints, slot, words.map(int)),
         }
     }
 
@@ -139,15 +86,28 @@ impl ArenaBuilder {
     }
 }
 
-fn write<T: Copy>(arena: &mut [T], slot: u32, values: &[T]) {
+fn real(word: &u64) -> f64 {
+    f64::from_bits(*word)
+}
+
+/// Truth values and null are less than 256.
+fn bool(word: &u64) -> u8 {
+    *word as u8
+}
+
+fn int(word: &u64) -> i64 {
+    word.cast_signed()
+}
+
+fn write<T>(arena: &mut [T], slot: u32, values: impl Iterator<Item = T>) {
     for (place, value) in arena.iter_mut().skip(slot as usize).zip(values) {
-        *place = *value;
+        *place = value;
     }
 }
 
 fn repeat<T: Copy>(arena: &mut [T], range: std::ops::Range<usize>, to: u32) {
     let values = arena.get(range).unwrap_or(&[]).to_vec();
-    write(arena, to, &values);
+    write(arena, to, values.into_iter());
 }
 
 fn fill<T: Copy>(arena: &mut Vec<T>, value: T, count: usize) -> u32 {
@@ -156,9 +116,9 @@ fn fill<T: Copy>(arena: &mut Vec<T>, value: T, count: usize) -> u32 {
     slot
 }
 
-fn extend<T: Copy>(arena: &mut Vec<T>, values: &[T]) -> u32 {
+fn extend<T>(arena: &mut Vec<T>, values: impl Iterator<Item = T>) -> u32 {
     // The limit of 2^20 slots is checked at the end; a text of 4 MiB cannot ask for 2^32.
     let slot = arena.len() as u32;
-    arena.extend_from_slice(values);
+    arena.extend(values);
     slot
 }

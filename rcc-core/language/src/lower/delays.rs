@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rcc_core::plan::Delay;
 
 use super::SlotRange;
-use super::arena::ValueBits;
+use crate::syntax::stored_value::StoredValue;
 
 /// Identifies the copy that delayed links share; ordered by source.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,7 +16,7 @@ pub struct DelayKey {
     /// First slot of the source.
     pub from: u32,
     /// Initial value; its length is the width.
-    pub initial: ValueBits,
+    pub initial: StoredValue,
 }
 
 /// Slots of the copies.
@@ -51,17 +51,16 @@ mod tests {
 
     use super::super::arena::ArenaBuilder;
     use super::*;
-    use crate::syntax::literal::StoredValue;
 
     #[test]
     fn adjacent_values_are_copied_together() {
         let (mut arena, mut copies) = (ArenaBuilder::default(), DelayCopies::new());
         for (from, initial) in [(3, 0.0), (4, 1.0), (6, 0.0)] {
-            let initial = StoredValue::Reals(vec![initial]);
+            let initial = StoredValue::real(initial);
             let key = DelayKey {
                 store: Store::Real as u8,
                 from,
-                initial: ValueBits::of(&initial),
+                initial: initial.clone(),
             };
             copies.insert(key, arena.variable(&initial));
         }

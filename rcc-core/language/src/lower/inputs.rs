@@ -8,7 +8,8 @@ use rcc_core::types::{NULL_INT, Type};
 
 use super::{Lowering, SlotRange};
 use crate::resolve::ResolvedPrimitive;
-use crate::syntax::literal::{Literal, StoredValue};
+use crate::syntax::literal::Literal;
+use crate::syntax::stored_value::StoredValue;
 
 /// Tolerance within which a number of evaluations counts as whole: times are written in decimals.
 const ROUNDING: f64 = 1e-6;
@@ -22,15 +23,15 @@ impl Lowering<'_> {
 
     fn input(&mut self, number: usize) -> Option<InputPoint> {
         let item = self.item(number);
-        let [value, age] = self.slots.get(number)?.outputs.as_slice() else {
+        let [value, age] = *self.slots.outputs(number) else {
             return None;
         };
         if item.spec().role != Role::Input {
             return None;
         }
-        let (value, age) = (*value, age.slot);
+        let age = age.slot;
         let ty = self.port_type(number, item.spec().outputs.first()?);
-        let since = self.arena.variable(&StoredValue::Ints(vec![NULL_INT])).slot;
+        let since = self.arena.variable(&StoredValue::int(NULL_INT)).slot;
         Some(InputPoint {
             store: value.store,
             slot: value.slot,
@@ -49,7 +50,7 @@ impl Lowering<'_> {
         let items = self.net.graph.items.iter().enumerate();
         let items = items.filter(|(_, item)| item.spec().role == Role::Publish);
         let point = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
-            let slot = *self.slots.get(number)?.outputs.first()?;
+            let slot = *self.slots.outputs(number).first()?;
             Some(PublishPoint {
                 topic: self.topic(number, item.spec().outputs.first()?)?,
                 store: slot.store,

@@ -11,8 +11,8 @@ use rcc_core::types::Type;
 
 use super::{Lowering, SlotRange};
 use crate::resolve::{ListElement, OutputId, ResolvedLink, ResolvedList};
-use crate::syntax::literal::StoredValue;
 use crate::syntax::part::ListPosition;
+use crate::syntax::stored_value::StoredValue;
 
 /// A list: item and input.
 type ListKey = (usize, usize);

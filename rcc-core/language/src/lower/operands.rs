@@ -9,7 +9,7 @@ use rcc_core::types::{Store, Type};
 
 use super::{Lowering, literal};
 use crate::resolve::{ResolvedPrimitive, window};
-use crate::syntax::literal::StoredValue;
+use crate::syntax::stored_value::StoredValue;
 
 /// Returns the start value of an item's state in one arena, if the item has a parameter for it.
 fn start_value(item: &ResolvedPrimitive<'_>, store: Store) -> Option<StoredValue> {
@@ -26,19 +26,37 @@ fn start_value(item: &ResolvedPrimitive<'_>, store: Store) -> Option<StoredValue
     })
 }
 
+/// The kernel of a batch, and the sizes at the end of its operands.
+pub(super) struct BatchKernel {
+    kernel: &'static Kernel,
+    sizes: SizeList,
+}
+
+impl BatchKernel {
+    /// Returns the kernel with this number.
+    pub(super) fn of(number: u16) -> Option<BatchKernel> {
+        let (entry, kernel) = primitives::kernel(number)?;
+        let sizes = entry.spec.sizes(kernel);
+        Some(BatchKernel { kernel, sizes })
+    }
+}
+
 impl Lowering<'_> {
     /// Appends the operands of an item in the order of `Spec::operands`: inputs, outputs, parameters, state, clock,
     /// width.
-    pub(super) fn operands(&mut self, number: usize, kernel: u16, operands: &mut Vec<u32>) {
+    pub(super) fn operands(
+        &mut self,
+        number: usize,
+        kernel: Option<&BatchKernel>,
+        operands: &mut Vec<u32>,
+    ) {
         let item = self.item(number);
         let spec = item.spec();
-        let slots = &self.slots[number];
+        let ports = [self.slots.inputs(number), self.slots.outputs(number)];
         operands.extend(
-            slots
-                .inputs
+            ports
                 .iter()
-                .chain(&slots.outputs)
-                .map(|slot| slot.slot),
+                .flat_map(|slots| slots.iter().map(|slot| slot.slot)),
         );
         for (parameter, literal) in spec.parameters.iter().zip(&item.parameters) {
             match parameter.kind {
@@ -58,7 +76,7 @@ impl Lowering<'_> {
                     let default = parameter.default.map(super::literal);
                     let word = literal.or(default.as_ref());
                     let place = word.and_then(|word| word.word(words)).unwrap_or(0);
-                    let stored = StoredValue::Ints(vec![place as i64]);
+                    let stored = StoredValue::int(place as i64);
                     operands.push(self.arena.constant(&stored).slot);
                 }
                 ParameterKind::Arm | ParameterKind::Device => {
@@ -71,11 +89,14 @@ impl Lowering<'_> {
             }
         }
         self.place_state(item, operands);
-        let Some((_, kernel)) = primitives::kernel(kernel) else {
+        let Some(BatchKernel {
+            kernel,
+            sizes: list,
+        }) = kernel
+        else {
             return;
         };
-        let list = spec.sizes(kernel);
-        let sizes = self.sizes(number, &list);
+        let sizes = self.sizes(number, list);
         self.place_memory(number, kernel, &sizes, operands);
         if spec.role == Role::Motion {
             operands.push(self.clocks);
@@ -149,7 +170,7 @@ impl Lowering<'_> {
                 Store::Real => StoredValue::null(Type::Real),
                 Store::Bool => StoredValue::null(Type::Bool),
                 // Counters start at 0, see `rcc_core::primitive::StateSpec`.
-                Store::Int => StoredValue::Ints(vec![0]),
+                Store::Int => StoredValue::int(0),
             });
             operands.push(self.arena.repeated(&start, count));
         }

@@ -7,7 +7,7 @@ use rcc_core::types::Type;
 use super::schedule::Batch;
 use super::{Lowering, SlotRange};
 use crate::resolve::InputSource;
-use crate::syntax::literal::StoredValue;
+use crate::syntax::stored_value::StoredValue;
 
 /// The regions of a plan.
 #[derive(Debug, Default)]
@@ -72,7 +72,7 @@ impl Lowering<'_> {
             let within = one.parent.and_then(|parent| numbers[parent]);
             let within = within.and_then(|parent| regions.regions.get(parent as usize));
             let within = within.map_or(NO_REGION, |parent| parent.active);
-            let active = self.arena.variable(&StoredValue::Bools(vec![0]));
+            let active = self.arena.variable(&StoredValue::bool(0));
             // Fewer than the plan's operands, which are at most 2^20.
             let number = regions.regions.len() as u32;
             numbers[region] = Some(number);
@@ -95,10 +95,8 @@ impl Lowering<'_> {
         let mut blanks: Vec<Vec<NullRange>> = vec![Vec::new(); self.net.graph.regions.len()];
         for batch in schedule {
             let Some(region) = batch.region else { continue };
-            let outputs = batch
-                .items
-                .iter()
-                .flat_map(|item| &self.slots[*item].outputs);
+            let items = batch.items.iter();
+            let outputs = items.flat_map(|item| self.slots.outputs(*item));
             for SlotRange { store, slot, width } in outputs.copied() {
                 let mine = &mut blanks[region];
                 let last = mine.iter_mut().rev().find(|last| last.store == store);

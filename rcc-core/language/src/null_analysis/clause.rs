@@ -35,7 +35,7 @@ pub fn truths(
     graph: &NetGraph<'_>,
     item: &ResolvedPrimitive<'_>,
 ) -> impl Iterator<Item = (&'static str, ClauseTruth)> {
-    let clauses = item.spec().undefined.split("; ").map(str::trim);
+    let clauses = item.spec().undefined.split(';').map(str::trim);
     let clauses = clauses.filter(|clause| !clause.is_empty() && !clause.starts_with(OVERFLOW));
     clauses.map(|clause| {
         let truth = match clause {

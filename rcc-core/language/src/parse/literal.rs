@@ -19,7 +19,7 @@ pub use pose::POSE_KEYS;
 /// Reads a constant; text that is not a quantity is a name.
 pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
     let shape = match &node.value {
-        _ if has_parameters(node) => LiteralShape::Parameterised(node.clone()),
+        _ if has_parameters(node) => LiteralShape::Parameterised(Box::new(node.clone())),
         Value::Null => LiteralShape::Null,
         Value::Bool(value) => LiteralShape::Bool(*value),
         Value::Int(value) => LiteralShape::Int(*value),
@@ -37,7 +37,7 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
         // Legs that are refused keep their notation: outputs that their conditions read count as read.
         Value::List(nodes) if canonical.is_refused() && legs::are_legs(nodes) => {
             return Literal {
-                notation: Notation::Rows(node.clone()),
+                notation: Notation::Rows(Box::new(node.clone())),
                 ..canonical
             };
         }
@@ -50,7 +50,7 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
             Notation::Text(text.trim().to_string())
         }
         Value::List(nodes) if nodes.iter().any(|node| node.map().is_some()) => {
-            Notation::Rows(node.clone())
+            Notation::Rows(Box::new(node.clone()))
         }
         Value::Map(entries) => {
             // The entries have been read without an error.
@@ -179,8 +179,8 @@ enum ElementKind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::syntax::literal::StoredValue;
-    use rcc_core::types::Type;
+    use crate::syntax::stored_value::StoredValue;
+    use rcc_core::types::{Store, Type};
 
     fn literal(text: &str) -> Result<Literal, Vec<&'static str>> {
         let root = rcc_config::yaml::parse(&format!("x: {text}\n")).unwrap();
@@ -198,17 +198,16 @@ mod tests {
     }
 
     fn reals(text: &str, ty: Type) -> Option<Vec<f64>> {
-        match literal(text).unwrap().stored(ty)? {
-            StoredValue::Reals(values) => Some(values),
-            _ => None,
-        }
+        let stored = literal(text).unwrap().stored(ty)?;
+        assert_eq!(stored.store(), Store::Real);
+        Some(stored.words().iter().copied().map(f64::from_bits).collect())
     }
 
     #[test]
     fn a_whole_number_takes_the_type_of_the_port() {
         assert_eq!(
             literal("3").unwrap().stored(Type::Int),
-            Some(StoredValue::Ints(vec![3]))
+            Some(StoredValue::int(3))
         );
         assert_eq!(reals("3", Type::Real), Some(vec![3.0]));
         assert_eq!(literal("3").unwrap().stored(Type::Bool), None);
@@ -226,7 +225,7 @@ mod tests {
         let bools = literal("[true, false]").unwrap();
         assert_eq!(
             bools.stored(Type::Bools(2)),
-            Some(StoredValue::Bools(vec![1, 0]))
+            Some(StoredValue::bools([1, 0]))
         );
         assert_eq!(literal("[true, 1]"), Err(vec![codes::WRONG_SHAPE]));
         assert_eq!(literal("[]"), Err(vec![codes::WRONG_SHAPE]));

@@ -3,7 +3,7 @@
 use rcc_config::diagnostic::Diagnostic;
 use rcc_config::yaml::{Entry, Key, Node, ShortText};
 
-use super::shape::{entries_of, report_bad_id, report_unknown_keys, shape};
+use super::shape::{mapping, report_bad_id, report_unknown_keys, shape};
 use super::source::read_source;
 use super::{literal, reference};
 use crate::codes;
@@ -13,6 +13,38 @@ use crate::syntax::reference::Reference;
 use crate::syntax::{Primitive, PrimitiveKind};
 
 const PRIMITIVE_KEYS: &[&str] = &["type", "fragment", "parameters", "inputs", "active"];
+
+/// The values of an entry of `primitives`, by key.
+#[derive(Default)]
+struct PrimitiveFields<'n> {
+    type_name: Option<&'n Node>,
+    fragment: Option<&'n Node>,
+    parameters: Option<&'n Node>,
+    inputs: Option<&'n Node>,
+    active: Option<&'n Node>,
+}
+
+impl<'n> PrimitiveFields<'n> {
+    /// Returns the fields of a mapping; other keys are reported.
+    fn of(node: &'n Node, entries: &'n [Entry], diagnostics: &mut Vec<Diagnostic>) -> Self {
+        let mut fields = PrimitiveFields::default();
+        let mut has_unknown = false;
+        for Entry { key, value } in entries {
+            match key.name.as_str() {
+                "type" => fields.type_name = Some(value),
+                "fragment" => fields.fragment = Some(value),
+                "parameters" => fields.parameters = Some(value),
+                "inputs" => fields.inputs = Some(value),
+                "active" => fields.active = Some(value),
+                _ => has_unknown = true,
+            }
+        }
+        if has_unknown {
+            report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", diagnostics);
+        }
+        fields
+    }
+}
 
 pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primitive {
     let (id, node) = (&entry.key, &entry.value);
@@ -28,14 +60,14 @@ pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primi
         inputs: Vec::new(),
         active: None,
     };
-    if node.map().is_none() {
+    let Some(entries) = node.map() else {
         let wanted = "a mapping such as `{type: Time}`";
         diagnostics.push(shape(node, &format!("primitive `{}`", id.name), wanted));
         return primitive;
-    }
-    report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", diagnostics);
-    read_kind(&mut primitive, node, diagnostics);
-    let given = entries_of(node, "parameters", diagnostics);
+    };
+    let fields = PrimitiveFields::of(node, entries, diagnostics);
+    read_kind(&mut primitive, &fields, diagnostics);
+    let given = mapping(fields.parameters, "parameters", diagnostics);
     primitive.parameters.reserve_exact(given.len());
     for entry in given {
         let value = match formula::is_expression(&primitive, &entry.key) {
@@ -44,15 +76,13 @@ pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primi
         };
         primitive.parameters.push((entry.key.clone(), value));
     }
-    let given = entries_of(node, "inputs", diagnostics);
+    let given = mapping(fields.inputs, "inputs", diagnostics);
     primitive.inputs.reserve_exact(given.len());
     for entry in given {
         let source = read_source(&entry.value, diagnostics);
         primitive.inputs.push((entry.key.clone(), source));
     }
-    primitive.active = node
-        .get("active")
-        .map(|node| read_source(node, diagnostics));
+    primitive.active = fields.active.map(|node| read_source(node, diagnostics));
     primitive
 }
 
@@ -70,8 +100,12 @@ fn read_expression(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
 }
 
 /// Reads `type: Add` or `fragment: smooth`.
-fn read_kind(primitive: &mut Primitive, node: &Node, diagnostics: &mut Vec<Diagnostic>) {
-    let (kind, what, given) = match (node.get("type"), node.get("fragment")) {
+fn read_kind(
+    primitive: &mut Primitive,
+    fields: &PrimitiveFields<'_>,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
+    let (kind, what, given) = match (fields.type_name, fields.fragment) {
         (Some(given), None) => (PrimitiveKind::Type, "a primitive type", given),
         (None, Some(given)) => (PrimitiveKind::Fragment, "a fragment", given),
         (None, None) => {

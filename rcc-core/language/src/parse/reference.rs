@@ -1,7 +1,7 @@
 //! `primitive.port`, `primitive.port[index]` and `primitive.port.x`. Runs on the loader's threads.
 
 use rcc_config::diagnostic::{Diagnostic, Span};
-use rcc_config::yaml::Node;
+use rcc_config::yaml::{Node, ShortText};
 
 use crate::codes;
 use crate::syntax::part::{self, ValuePart};
@@ -22,29 +22,20 @@ pub fn read(node: &Node, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Optio
 
 /// Parses a reference. With escapes, or if the text is not written at the span as it is, its names have the whole span.
 pub(crate) fn parse(text: &str, span: Span) -> Option<Reference> {
-    let (name, mut part) = match text.split_once('[') {
-        None => (text, None),
-        Some((name, inner)) => (name, Some(bracket(inner.strip_suffix(']')?)?)),
+    let (primitive, rest) = word(text)?;
+    let (port, rest) = match rest.strip_prefix('.') {
+        Some(rest) => word(rest)?,
+        None => ("", rest),
     };
-    let (primitive, mut port) = name.split_once('.').unwrap_or((name, ""));
-    if let (None, Some((name, member))) = (part, port.split_once('.')) {
-        (port, part) = (name, Some(part::member(member)?));
-    }
-    let word = |name: &str| {
-        !name.is_empty()
-            && name
-                .chars()
-                .all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+    let part = match rest {
+        "" => None,
+        rest => Some(part(rest)?),
     };
-    let whole = primitive.len() == name.len();
-    if !word(primitive) || !(word(port) || whole) {
-        return None;
-    }
     // Quotes are in the span but not in the text. With escapes the positions do not correspond, so the whole span is
     // used.
     let extra = (span.end - span.start).checked_sub(text.len());
     let split = match extra {
-        Some(extra @ (0 | 2)) if !whole => {
+        Some(extra @ (0 | 2)) if !port.is_empty() => {
             let start = span.start + extra / 2;
             let dot = start + primitive.len();
             Some((
@@ -56,13 +47,27 @@ pub(crate) fn parse(text: &str, span: Span) -> Option<Reference> {
     };
     let (primitive_span, port_span) = split.unwrap_or((span, span));
     Some(Reference {
-        primitive: primitive.into(),
-        port: port.into(),
+        primitive: ShortText::new(primitive),
+        port: ShortText::new(port),
         part,
         span,
         primitive_span,
         port_span,
     })
+}
+
+/// Splits off the word at the beginning of a text; `None` if there is none.
+fn word(text: &str) -> Option<(&str, &str)> {
+    let is_of_word = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'-');
+    let ascii = text.bytes().take_while(is_of_word).count();
+    let length = match text.as_bytes().get(ascii) {
+        Some(0x80..) => {
+            let is_other = |c: char| !(c.is_alphanumeric() || c == '_' || c == '-');
+            text.find(is_other).unwrap_or(text.len())
+        }
+        _ => ascii,
+    };
+    (length > 0).then(|| text.split_at(length))
 }
 
 /// Parses a part: `.x`, `[2]`.

@@ -46,7 +46,16 @@ pub fn report_unknown_keys(
 
 /// Returns the entries of the mapping under `key`; an absent or null value counts as an empty mapping.
 pub fn entries_of<'a>(node: &'a Node, key: &str, diagnostics: &mut Vec<Diagnostic>) -> &'a [Entry] {
-    match node.get(key) {
+    mapping(node.get(key), key, diagnostics)
+}
+
+/// Returns the entries of a mapping; an absent or null value counts as an empty one.
+pub fn mapping<'a>(
+    value: Option<&'a Node>,
+    key: &str,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> &'a [Entry] {
+    match value {
         None => &[],
         Some(node) => match (&node.value, node.map()) {
             (_, Some(entries)) => entries,
@@ -75,10 +84,10 @@ pub fn read_description(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Strin
 }
 
 fn is_id(name: &str) -> bool {
-    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_';
     name.len() <= NAME_MAX
         && name.starts_with(|c: char| c.is_ascii_lowercase())
-        && name.chars().all(allowed)
+        && name.bytes().all(allowed)
 }
 
 pub fn report_bad_id(id: &Key, what: &str, diagnostics: &mut Vec<Diagnostic>) {

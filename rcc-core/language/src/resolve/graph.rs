@@ -1,7 +1,7 @@
 //! The net graph, the result of the resolve pass: every name is an index. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Span;
-use rcc_config::yaml::Key;
+use rcc_config::yaml::{Key, ShortText};
 use rcc_core::plan::Rate;
 use rcc_core::primitive::{CatalogueEntry, DefaultValue as Default, ParameterKind, Spec};
 use rcc_core::primitives::CATALOGUE;
@@ -329,10 +329,13 @@ impl<'a> NetGraph<'a> {
 
     /// Returns an output as `id.port`.
     #[must_use]
-    pub fn output_name(&self, output: OutputId) -> String {
+    pub fn output_name(&self, output: OutputId) -> ShortText {
         let item = self.items.get(output.item);
         let port = item.and_then(|item| item.spec().outputs.get(output.port));
-        let id = item.map_or("", ResolvedPrimitive::id);
-        [id, ".", port.map_or("", |port| port.name)].concat()
+        let id = item.map(|item| item.primitive.id.name.clone());
+        let mut name = id.unwrap_or_default();
+        name.push('.');
+        name.push_str(port.map_or("", |port| port.name));
+        name
     }
 }

@@ -8,7 +8,7 @@ use rcc_core::primitive::{Port, PortType, Role, Spec};
 
 use super::{
     IdTarget, InputSource, ListElement, OutputId, ResolvedLink, ResolvedList, ResolvedOutcomes,
-    Resolver, suggest,
+    Resolver, given, is_known, suggest,
 };
 use crate::codes;
 use crate::syntax::literal::{Literal, LiteralShape};
@@ -28,10 +28,11 @@ impl<'a> Resolver<'a, '_> {
         spec: &'static Spec,
     ) -> Vec<InputSource<'a>> {
         let mut has_unknown = false;
-        for (key, _) in &primitive.inputs {
-            if spec.input(&key.name).is_none() {
+        let names = spec.inputs.iter().map(|port| port.name);
+        for (place, (key, _)) in primitive.inputs.iter().enumerate() {
+            if !is_known(place, key, names.clone()) {
                 has_unknown = true;
-                let names = spec.inputs.iter().map(|port| port.name);
+                let names = names.clone();
                 let is_parameter = spec.parameters.iter().any(|known| known.name == key.name);
                 let help = self.suggestions.word(
                     &key.name,
@@ -43,16 +44,12 @@ impl<'a> Resolver<'a, '_> {
             }
         }
         let mut input_sources = Vec::with_capacity(spec.inputs.len());
-        for port in spec.inputs {
-            let given = primitive
-                .inputs
-                .iter()
-                .find(|(key, _)| key.name == port.name);
-            input_sources.push(match given {
-                Some((_, Source::Outcomes(outcomes))) => {
+        for (place, port) in spec.inputs.iter().enumerate() {
+            input_sources.push(match given(&primitive.inputs, place, port.name) {
+                Some(Source::Outcomes(outcomes)) => {
                     self.resolve_outcomes(outcomes, port, spec.role)
                 }
-                Some((_, source)) => self.resolve_source(source, port),
+                Some(source) => self.resolve_source(source, port),
                 None => match port.default {
                     Some(default) => InputSource::Default(default),
                     // The missing input may be the one with the unknown name.
@@ -61,8 +58,10 @@ impl<'a> Resolver<'a, '_> {
                 },
             });
         }
-        let inputs = primitive.inputs.iter();
-        self.count_inputs_as_read(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
+        if has_unknown {
+            let inputs = primitive.inputs.iter();
+            self.count_inputs_as_read(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
+        }
         input_sources
     }
 

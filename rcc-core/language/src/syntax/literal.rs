@@ -5,8 +5,10 @@ use std::fmt;
 
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Node;
-use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
+use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use rcc_core::unit::Unit;
+
+use super::stored_value::StoredValue;
 
 /// A constant and its span.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +31,7 @@ pub enum Notation {
     /// As a mapping: `{xyz: …, rpy: …}`.
     Mapping(Vec<(String, Literal)>),
     /// As a list of mappings: poses, or legs of a path.
-    Rows(Node),
+    Rows(Box<Node>),
 }
 
 /// The kinds of constants.
@@ -53,55 +55,9 @@ pub enum LiteralShape {
     List(Vec<Literal>),
     /// In a fragment: a constant that is or contains parameters (`$gain`, `[$x, 0, 0]`), as written. It does not occur
     /// after expansion.
-    Parameterised(Node),
+    Parameterised(Box<Node>),
     /// Refused; the error is reported, and the constant fits every type.
     Refused,
-}
-
-/// A constant as it is stored in an arena.
-#[derive(Clone, Debug, PartialEq)]
-pub enum StoredValue {
-    /// In the arena of `Real`.
-    Reals(Vec<f64>),
-    /// In the arena of `Bool`.
-    Bools(Vec<u8>),
-    /// In the arena of `Int`.
-    Ints(Vec<i64>),
-}
-
-impl StoredValue {
-    /// Returns the arena.
-    #[must_use]
-    pub fn store(&self) -> Store {
-        match self {
-            StoredValue::Reals(_) => Store::Real,
-            StoredValue::Bools(_) => Store::Bool,
-            StoredValue::Ints(_) => Store::Int,
-        }
-    }
-
-    /// Returns the number of elements.
-    #[must_use]
-    pub fn width(&self) -> u32 {
-        let count = match self {
-            StoredValue::Reals(values) => values.len(),
-            StoredValue::Bools(values) => values.len(),
-            StoredValue::Ints(values) => values.len(),
-        };
-        // Types have at most 2^16 elements.
-        count as u32
-    }
-
-    /// Returns null of a type.
-    #[must_use]
-    pub fn null(ty: Type) -> StoredValue {
-        let width = ty.width() as usize;
-        match ty.store() {
-            Some(Store::Bool) => StoredValue::Bools(vec![NULL_BOOL; width]),
-            Some(Store::Int) => StoredValue::Ints(vec![NULL_INT; width]),
-            _ => StoredValue::Reals(vec![NULL_REAL; width]),
-        }
-    }
 }
 
 impl Literal {
@@ -178,16 +134,12 @@ impl Literal {
             return Some(StoredValue::null(ty));
         }
         match (ty, &self.shape) {
-            (Type::Bool, LiteralShape::Bool(value)) => {
-                Some(StoredValue::Bools(vec![u8::from(*value)]))
-            }
-            (Type::Int, LiteralShape::Int(value)) => Some(StoredValue::Ints(vec![*value])),
-            (Type::Real, _) => Some(StoredValue::Reals(vec![self.number()?])),
-            (Type::Pose, LiteralShape::Pose(elements)) => {
-                Some(StoredValue::Reals(elements.to_vec()))
-            }
+            (Type::Bool, LiteralShape::Bool(value)) => Some(StoredValue::bool(u8::from(*value))),
+            (Type::Int, LiteralShape::Int(value)) => Some(StoredValue::int(*value)),
+            (Type::Real, _) => Some(StoredValue::real(self.number()?)),
+            (Type::Pose, LiteralShape::Pose(elements)) => Some(StoredValue::reals(*elements)),
             (Type::Rotation, LiteralShape::Rotation(elements)) => {
-                Some(StoredValue::Reals(elements.to_vec()))
+                Some(StoredValue::reals(*elements))
             }
             (_, LiteralShape::List(elements)) => stored_list(ty, elements),
             _ => None,
@@ -294,39 +246,35 @@ fn stored_list(ty: Type, elements: &[Literal]) -> Option<StoredValue> {
         let rows: Vec<_> = rows.collect::<Option<_>>()?;
         let values = rows.into_iter().flatten().map(Literal::number_or_null);
         let values: Vec<f64> = values.collect::<Option<_>>()?;
-        return (matrix_type(elements) == Some(ty)).then_some(StoredValue::Reals(values));
+        return (matrix_type(elements) == Some(ty)).then(|| StoredValue::reals(values));
     }
     if ty.width() as usize != elements.len() {
         return None;
     }
+    let shapes = elements.iter().map(|element| &element.shape);
     match ty {
         Type::Bools(_) => {
-            let value = |element: &Literal| match element.shape {
-                LiteralShape::Bool(value) => Some(u8::from(value)),
+            let values = shapes.map(|shape| match shape {
+                LiteralShape::Bool(value) => Some(u8::from(*value)),
                 LiteralShape::Null => Some(NULL_BOOL),
                 _ => None,
-            };
-            elements
-                .iter()
-                .map(value)
-                .collect::<Option<_>>()
-                .map(StoredValue::Bools)
+            });
+            let values: Vec<u8> = values.collect::<Option<_>>()?;
+            Some(StoredValue::bools(values))
         }
         Type::Ints(_) => {
-            let value = |element: &Literal| match element.shape {
-                LiteralShape::Int(value) => Some(value),
+            let values = shapes.map(|shape| match shape {
+                LiteralShape::Int(value) => Some(*value),
                 LiteralShape::Null => Some(NULL_INT),
                 _ => None,
-            };
-            elements
-                .iter()
-                .map(value)
-                .collect::<Option<_>>()
-                .map(StoredValue::Ints)
+            });
+            let values: Vec<i64> = values.collect::<Option<_>>()?;
+            Some(StoredValue::ints(values))
         }
         Type::Reals(_) | Type::Vector3 | Type::Twist | Type::Wrench => {
             let values = elements.iter().map(Literal::number_or_null);
-            values.collect::<Option<_>>().map(StoredValue::Reals)
+            let values: Vec<f64> = values.collect::<Option<_>>()?;
+            Some(StoredValue::reals(values))
         }
         _ => None,
     }

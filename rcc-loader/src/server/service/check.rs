@@ -35,7 +35,7 @@ impl Service {
             name: compile::name_of(text),
             ..Checked::default()
         };
-        Ok(match compile::compile(text, file, &self.config) {
+        Ok(match compile::compile(text, file, &self.devices) {
             Ok(compiled) => Checked {
                 valid: true,
                 diagnostics: compiled.warnings,

@@ -193,7 +193,7 @@ impl Service {
             topics,
             primitives,
             ..
-        } = match compile::compile(&file.text, name, &self.config) {
+        } = match compile::compile(&file.text, name, &self.devices) {
             Ok(compiled) => compiled,
             Err(diagnostics) => {
                 let errors = diagnostics.iter().filter(|row| row.severity == "error");

@@ -19,7 +19,6 @@ const READ: &[&str] = &[
     "{a: 1,\n b: {c: [ ],\n  d: x#y}}",
     "a: {b: 1,\n  c: 2}\nd: [1, # one\n   2]\n",
     "a: grün 日本 🤖 – µm\nb: x:y\nc: -1\nd: http://x\n",
-    "a: 1\na: 2\nb: {c: 1, c: 2}\n",
     "a: \"= 2 * b.out + 0.1 m\"\n",
 ];
 
@@ -28,6 +27,10 @@ const DECLINED: &[&str] = &[
     "",
     "a",
     "a:\n",
+    "a: 1\na: 2\n",
+    "b: {c: 1, c: 2}\n",
+    "a: x\u{34f}\n",
+    "{\"a\u{ad}\": 1}",
     "a: 1\n b: 2\n",
     "a: x\n  y\n",
     "a: |\n  x\n",
@@ -51,14 +54,12 @@ const DECLINED: &[&str] = &[
 ];
 
 fn agrees(text: &str) -> bool {
-    let Some(builder) = super::read(text) else {
+    let Some(tree) = super::read(text) else {
         return false;
     };
-    let (tree, faults) = builder.finish();
-    let (expected_tree, expected_faults) = read_any_form(text);
-    assert_eq!(tree, expected_tree, "{text:?}");
-    let said = |faults: &[crate::diagnostic::Diagnostic]| format!("{faults:?}");
-    assert_eq!(said(&faults), said(&expected_faults), "{text:?}");
+    let (expected, faults) = read_any_form(text);
+    assert_eq!(Some(tree), expected, "{text:?}");
+    assert!(faults.is_empty(), "{text:?}: {faults:?}");
     true
 }
 
@@ -146,8 +147,9 @@ fn changed_texts_are_read_the_same_or_declined() {
 #[test]
 fn a_text_of_any_length_has_its_keys_compared() {
     let mut text: String = (0..40).map(|number| format!("k{number}: 1\n")).collect();
+    assert!(agrees(&text));
     text += "k3: 2\nk39: 2\n";
     let (_, faults) = read(&text);
     assert_eq!(faults.len(), 2);
-    assert!(agrees(&text));
+    assert!(!agrees(&text));
 }

@@ -1,7 +1,6 @@
 //! Legs of every kind, and what is refused in them.
 
 use super::*;
-use crate::syntax::literal::StoredValue;
 use rcc_core::path::leg_row::leg;
 use rcc_core::path::{ArcOrientation, PathSegment, RelativeTo};
 use rcc_core::types::Type;
@@ -24,9 +23,8 @@ fn rows(text: &str) -> Vec<LegRow> {
         panic!("{literal}")
     };
     let ty = Type::Matrix(rows.len() as u8, WIDTH as u8);
-    let Some(StoredValue::Reals(values)) = literal.stored(ty) else {
-        panic!("{text}")
-    };
+    let stored = literal.stored(ty).unwrap_or_else(|| panic!("{text}"));
+    let values: Vec<f64> = stored.words().iter().copied().map(f64::from_bits).collect();
     let (rows, rest) = values.as_chunks::<WIDTH>();
     assert!(rest.is_empty());
     rows.to_vec()
