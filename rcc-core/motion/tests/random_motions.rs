@@ -6,6 +6,7 @@ mod motions;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
+use motions::sampled::kept_and_given;
 use motions::{KINDS, MotionKind, RunOutcome, Tally, case, compared, robots};
 
 /// Motions of each kind and robot.
@@ -112,4 +113,56 @@ fn time_optimal_motions_never_take_longer_and_most_are_faster() {
         }
         assert!(2 * sooner > ran && ran > 20, "{kind:?}: {sooner} of {ran}");
     }
+}
+
+/// Motions that once took longer with `stops: give` than with `stops: keep`, because the search for the law ended in another
+/// optimum: kind, index of the robot, and seed.
+const LATER: [(MotionKind, usize, u64); 11] = [
+    (MotionKind::Spline, 0, 104),
+    (MotionKind::Spline, 0, 141),
+    (MotionKind::Spline, 2, 3),
+    (MotionKind::Spline, 3, 14),
+    (MotionKind::Spline, 3, 45),
+    (MotionKind::Spline, 4, 37),
+    (MotionKind::Spline, 4, 56),
+    (MotionKind::Sequence, 2, 17),
+    (MotionKind::Sequence, 2, 31),
+    (MotionKind::Sequence, 2, 68),
+    (MotionKind::Sequence, 3, 40),
+];
+
+#[test]
+fn a_motion_that_gives_its_reserve_never_takes_longer_than_one_that_keeps_it() {
+    /// Motions of each kind and robot, beside those that were found.
+    const EACH: u64 = 4;
+    let robots = robots();
+    let kinds = [
+        MotionKind::Line,
+        MotionKind::Circle,
+        MotionKind::Spline,
+        MotionKind::Sequence,
+    ];
+    let others = kinds.into_iter().flat_map(|kind| {
+        let of_robot = move |robot| (0..EACH).map(move |seed| (kind, robot, seed));
+        (0..robots.len()).flat_map(of_robot)
+    });
+    let cases: Vec<_> = LATER.into_iter().chain(others).collect();
+    let results = on_all_processors(cases.len(), |index| {
+        let (kind, robot, seed) = cases[index];
+        kept_and_given(kind, &robots[robot], seed)
+    });
+    let (mut built, mut later) = (0, 0);
+    for ((kind, robot, seed), result) in cases.into_iter().zip(results) {
+        let Some([[keep_s, give_s], _]) = result else {
+            continue;
+        };
+        built += 1;
+        if give_s > keep_s * (1.0 + 1e-9) {
+            later += 1;
+            let robot = robots[robot].name;
+            println!("{kind:?} of {robot}, seed {seed}: {give_s} s, keep {keep_s} s");
+        }
+    }
+    assert!(later == 0, "{later} of {built} take longer");
+    assert!(built >= LATER.len() + 20, "only {built} were built");
 }

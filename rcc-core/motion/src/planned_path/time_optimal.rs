@@ -2,8 +2,9 @@
 //! jerk. Used when a motion is built; allocates.
 //!
 //! A profile without jerk limits ([`topp_ra`]), smoothed over a window, is the first law; an interior-point method
-//! ([`barrier`]) improves it. Both work with samples of the path. The result is then sampled closely and made slower as a
-//! whole until it keeps every limit with a margin, so keeping the limits does not depend on the method.
+//! ([`barrier`]) improves it, with the reserve of `stops: keep`; with less to reserve, it then improves that law further.
+//! Both work with samples of the path. The result is then sampled closely and made slower as a whole until it keeps every
+//! limit with a margin, so keeping the limits does not depend on the method.
 
 use core::ops::Range;
 
@@ -92,29 +93,38 @@ pub(super) fn time_optimal_law(
     uniform: &PathBounds,
     stops: StopReserve,
 ) -> Option<TimeOptimal> {
-    let LawReserve {
-        fraction,
-        wait_cycles,
-    } = LawReserve::of(stops);
+    let [kept, own] = [StopReserve::Keep, stops].map(LawReserve::of);
     let table = SectionTable::new(path, range.clone())?;
     let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
     let even = EvenLaw::new(uniform);
     let first = first_law(&table, &profile, even.as_ref())?;
-    let reserve = reserve(path, range.clone(), &time_law(&first, 1.0)?, fraction);
+    let keep = reserve(path, range.clone(), &time_law(&first, 1.0)?, kept.fraction);
     let intervals = COARSE * first.law.intervals();
-    let mut barrier = Barrier::new(&table, reserve, first.law.clone())?;
+    let mut barrier = Barrier::new(&table, keep, first.law.clone())?;
     let improved = barrier.improve(intervals).is_some();
     if !improved {
         // The first law keeps the limits, too.
-        barrier = Barrier::new(&table, reserve, first.law)?;
+        barrier = Barrier::new(&table, keep, first.law)?;
     }
-    let speed = speed(path, range.clone(), &time_law(&barrier, 1.0)?, reserve);
-    let time_law = time_law(&barrier, speed)?;
+    let reserve = keep.times(own.fraction / kept.fraction);
+    let soonest = |barrier: &Barrier<'_>| {
+        let speed = speed(path, range.clone(), &time_law(barrier, 1.0)?, reserve);
+        Some((time_law(barrier, speed)?, speed))
+    };
+    let (mut time_law, mut speed) = soonest(&barrier)?;
+    // There are several local optima: a separate search with a lesser reserve may end in a worse one. The law with the
+    // greatest reserve is within every lesser one, so what begins with it never takes longer.
+    if own.fraction < kept.fraction
+        && let Some(relaxed) = barrier.relaxed(reserve).as_ref().and_then(soonest)
+        && relaxed.0.duration() < time_law.duration()
+    {
+        (time_law, speed) = relaxed;
+    }
     let clock = reserve.at_speed(speed);
     let bounds = clock_bounds(time_law.duration(), clock, path.dt_s)?;
     (time_law.duration() < duration_s(uniform)).then(|| TimeOptimal {
         on_law: law_stops::law_stops(path, range, &time_law),
-        wait_cycles,
+        wait_cycles: own.wait_cycles,
         time_law,
         bounds,
         improved,

@@ -109,6 +109,24 @@ pub fn planned(
     Some([planning_s, duration_s(&run, drawn.dt_s)])
 }
 
+/// The durations of the motion of this seed with `stops: keep` and with `stops: give`, and the processor time to plan each, s;
+/// `None` if it cannot be built. Both are sums of the durations of sections, not rounded to cycles.
+#[must_use]
+pub fn kept_and_given(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<[[f64; 2]; 2]> {
+    let (drawn, mut random) = unbound(kind, robot, seed)?;
+    let legs = legs(kind, &drawn, &mut random);
+    let (mut durations_s, mut planning_s) = ([0.0; 2], [0.0; 2]);
+    let reserves = [StopReserve::Keep, StopReserve::Give];
+    for (index, reserve) in reserves.into_iter().enumerate() {
+        let begun = processor_time();
+        let motion = build(robot, (&drawn, &legs), SpeedProfile::TimeOptimal(reserve))?;
+        planning_s[index] = (processor_time() - begun).as_secs_f64();
+        let sections = motion.sections();
+        durations_s[index] = sections.map(|(_, section)| section.duration_s).sum();
+    }
+    Some([durations_s, planning_s])
+}
+
 /// Duration of a motion, s.
 fn duration_s(run: &[Vec<PathSample>], dt_s: f64) -> f64 {
     let cycles: usize = run.iter().map(|part| part.len() - 1).sum();

@@ -26,6 +26,9 @@ const REACH: [f64; 2] = [0.35, 1.4];
 const GAP_FIRST: f64 = 3.0;
 const GAP_LAST: f64 = 0.003;
 
+/// The same at the beginning for a law that was improved with a greater reserve.
+const GAP_RELAXED: f64 = 0.1;
+
 /// Factor from one μ to the next.
 const GAP_FACTOR: f64 = 0.3;
 
@@ -105,6 +108,15 @@ impl<'a> Barrier<'a> {
             }
             gap = GAP_LAST / GAP_FACTOR;
         }
+    }
+
+    /// The law improved further with a lesser reserve.
+    pub(super) fn relaxed(self, reserve: ClockReserve) -> Option<Self> {
+        let mut relaxed = Self::new(self.table, reserve, self.law)?;
+        for gap in [GAP_RELAXED, GAP_LAST] {
+            relaxed.newton(gap / relaxed.count());
+        }
+        Some(relaxed)
     }
 
     /// About the number of limited values.

@@ -11,6 +11,14 @@ pub(super) struct ClockReserve {
 }
 
 impl ClockReserve {
+    /// This part of the reserve.
+    pub(super) fn times(self, part: f64) -> Self {
+        Self {
+            acceleration: self.acceleration * part,
+            jerk: self.jerk * part,
+        }
+    }
+
     /// The reserve for a law that is `speed` times as fast.
     pub(super) fn at_speed(self, speed: f64) -> Self {
         Self {
