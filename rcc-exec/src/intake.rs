@@ -42,8 +42,6 @@ use drivers::DriverLinks;
 
 /// Maximum time between two rounds while nothing is pending: each round checks the drivers and the stop request.
 const IDLE_MAX: Duration = Duration::from_millis(2);
-/// Polling interval for a net that is being built.
-const BUILD_POLL: Duration = Duration::from_micros(500);
 /// Polling interval for the answer of a cycle that should have ended.
 const LATE_POLL: Duration = Duration::from_micros(50);
 /// Maximum number of requests that wait for a net that is being built.
@@ -137,13 +135,15 @@ impl Intake {
             period_ns: config.period_ns,
             costs: config.costs,
         };
+        let waker = server.waker()?;
+        let net_builder = NetBuilderThread::start(build_context, waker, &config.helpers)?;
         Ok(Intake {
             drivers: DriverLinks::new(session, names, announcement, config.stale_after_ns),
             server,
             status: config.status,
             engine_requests,
             engine_replies,
-            net_builder: NetBuilderThread::start(build_context, &config.helpers)?,
+            net_builder,
             pending: HashMap::new(),
             ready: HashMap::new(),
             building: HashMap::new(),
@@ -210,19 +210,15 @@ impl Intake {
         busy
     }
 
-    /// Waits until there may be work: for a request, or until the next answer of the real-time thread is due.
+    /// Waits until there may be work: for a request, for a net that is built, or until the next answer of the real-time
+    /// thread is due.
     pub fn wait(&self) {
-        let building = if self.building.is_empty() {
-            IDLE_MAX
-        } else {
-            BUILD_POLL
-        };
         let answer = if self.pending.is_empty() {
             IDLE_MAX
         } else {
             until_answer(&self.status.read(), monotonic_ns())
         };
-        self.server.wait(building.min(answer));
+        self.server.wait(answer);
     }
 
     fn handle_reply(&mut self, engine_reply: EngineReply) {

@@ -10,6 +10,7 @@ use rcc_core::message::{DeviceState, Joints};
 use rcc_engine::costs::Costs;
 use rcc_engine::net::{Net, NetOrigin};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
+use rcc_ipc::WakeSender;
 use rcc_process::{Helper, Helpers};
 use rcc_protocol::control::{Call, InputValue, PlanData, Refusal};
 use rcc_protocol::rehearsal::RehearsalReport;
@@ -100,11 +101,15 @@ pub struct NetBuilderThread {
 }
 
 impl NetBuilderThread {
-    /// Starts the thread.
+    /// Starts the thread, which wakes the intake when a net is built.
     ///
     /// # Errors
     /// Returns an error if the system cannot create the thread.
-    pub fn start(context: BuildContext, helpers: &Helpers) -> io::Result<NetBuilderThread> {
+    pub fn start(
+        context: BuildContext,
+        intake: WakeSender,
+        helpers: &Helpers,
+    ) -> io::Result<NetBuilderThread> {
         let (requests, incoming) = channel::<BuildRequest>();
         let (finished, outcomes) = channel();
         let work = move |helper: &Helper| {
@@ -127,6 +132,7 @@ impl NetBuilderThread {
                 if finished.send(outcome).is_err() {
                     return;
                 }
+                intake.wake();
             }
         };
         helpers.spawn("net-builder", BUILD_MAX, work)?;

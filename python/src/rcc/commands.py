@@ -149,10 +149,8 @@ class AsyncCell:
 
     async def _load(self, net: Text) -> AsyncCommand:
         text, kind = text_of(net)
-        headers = {"content-type": kind}
-        loaded = cast(
-            api.Loaded, await self._ask("POST", "/commands", content=text, headers=headers, timeout=60.0)
-        )
+        request: dict[str, Any] = {"content": text, "headers": {"content-type": kind}, "params": {"wait_ms": 5000}}
+        loaded = cast(api.Loaded, await self._ask("POST", "/commands", timeout=60.0, **request))
         command = AsyncCommand(self, loaded["id"])
         view = await command._loaded()
         if view["state"] == "rejected":
@@ -526,12 +524,9 @@ class AsyncCommand:
         return await self._cell._io.within(timeout, follow_patiently())
 
     async def _loaded(self) -> api.CommandView:
-        """Waits until the net is ready or rejected, which is soon: asks, instead of opening a stream."""
-        asked = time.monotonic()
+        """Waits until the net is ready or rejected, which it nearly always is: asks, instead of opening a stream."""
         while (view := await self.state())["state"] == "loading":
-            # An eighth of the time so far: little is lost of it.
-            waited = time.monotonic() - asked
-            await self._cell._io.pause(min(max(waited / 8, 0.0001), ASK_EVERY_S))
+            await self._cell._io.pause(ASK_EVERY_S)
         return view
 
     async def _end(self) -> None:

@@ -81,7 +81,7 @@ pub struct TextLocation {
 pub struct Loaded {
     /// The command's id.
     pub id: u64,
-    /// `loading`.
+    /// `loading`; with `wait_ms` also `ready` or `rejected`.
     pub state: String,
 }
 

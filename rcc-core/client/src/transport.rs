@@ -27,9 +27,10 @@ mod stream;
 
 pub use stream::Lines;
 
-/// Shortest and longest interval at which a net that is being loaded is looked at; between them it is an eighth of the time
-/// since the request, so that little is lost of it.
-const LOAD_POLLS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(10)];
+/// Time for which the answer to LOAD waits for the net to be ready or rejected, ms; nearly all are by then.
+const LOAD_WAIT_MS: u32 = 5000;
+/// Interval at which a net that is still being loaded after that is looked at.
+const LOAD_POLL: Duration = Duration::from_millis(10);
 
 /// REST client of one cell's loader.
 #[derive(Debug)]
@@ -216,17 +217,16 @@ impl LoaderClient {
         text: &str,
         limit: Duration,
     ) -> Result<CommandView, RequestError> {
-        let query = file.map_or(String::new(), |name| format!("?file={}", segment(name)));
-        let Loaded { id, .. } = self.post(&format!("/commands{query}"), text.to_owned())?;
         let begun = Instant::now();
-        let [shortest, longest] = LOAD_POLLS;
+        let query = file.map_or(String::new(), |name| format!("&file={}", segment(name)));
+        let path = format!("/commands?wait_ms={LOAD_WAIT_MS}{query}");
+        let Loaded { id, .. } = self.post(&path, text.to_owned())?;
         loop {
             let command: CommandView = self.get(&format!("/commands/{id}?brief=true"))?;
-            let waited = begun.elapsed();
-            if command.state != "loading" || waited > limit {
+            if command.state != "loading" || begun.elapsed() > limit {
                 return Ok(command);
             }
-            std::thread::sleep((waited / 8).clamp(shortest, longest));
+            std::thread::sleep(LOAD_POLL);
         }
     }
 

@@ -52,3 +52,4 @@ pub use request::{AnswerError, CallError, Client, PollError, Request, RequestErr
 pub use session::{Session, SessionError};
 pub use state_folder::StateFolder;
 pub use stream::{Publisher, StreamError, Subscriber};
+pub use wake::WakeSender;

@@ -4,6 +4,7 @@
 //! Runs on threads that are not real-time: a call allocates, and maps memory when peers come and go.
 
 use std::fmt;
+use std::io;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -235,6 +236,14 @@ impl Server {
     /// Waits until a request has arrived since the last wait, at most `timeout`; may return early.
     pub fn wait(&self, timeout: Duration) {
         self.wake.wait(timeout);
+    }
+
+    /// Returns an end that wakes [`Server::wait`], for a thread that has something for the thread that waits.
+    ///
+    /// # Errors
+    /// Returns an error if the system has no socket left.
+    pub fn waker(&self) -> io::Result<WakeSender> {
+        WakeSender::connect(&self.folder, &self.service)
     }
 
     /// Returns the full name under which clients find this server.

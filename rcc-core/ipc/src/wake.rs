@@ -57,7 +57,7 @@ impl Drop for WakeReceiver {
 
 /// A client's end.
 #[derive(Debug)]
-pub(crate) struct WakeSender(UnixDatagram);
+pub struct WakeSender(UnixDatagram);
 
 impl WakeSender {
     /// Connects to the socket of this server.
@@ -69,7 +69,7 @@ impl WakeSender {
     }
 
     /// Wakes the server, or lets its next wait end at once; never waits.
-    pub(crate) fn wake(&self) {
+    pub fn wake(&self) {
         // If the queue is full the server is about to wake; if it is gone, the caller finds out by itself.
         let _ = self.0.send(&[0]);
     }

@@ -264,6 +264,11 @@ fn link_tree(link: &Link) -> Tree {
     Tree::map(entries)
 }
 
+/// Returns a number with its unit, as it is written if nothing else is known of its notation.
+pub(crate) fn quantity(value: f64, unit: Unit) -> String {
+    format!("{} {unit}", scalar::real(value))
+}
+
 /// Returns a constant as a tree.
 #[must_use]
 pub fn literal_tree(literal: &Literal) -> Tree {
@@ -282,9 +287,7 @@ pub fn literal_tree(literal: &Literal) -> Tree {
         LiteralShape::Int(value) => plain(&value.to_string()),
         LiteralShape::Real(value, _) if !value.is_finite() => plain("null"),
         LiteralShape::Real(value, None) => Tree::Plain(scalar::real(*value)),
-        LiteralShape::Real(value, Some(unit)) => {
-            Tree::Text(format!("{} {unit}", scalar::real(*value)))
-        }
+        LiteralShape::Real(value, Some(unit)) => Tree::Text(quantity(*value, *unit)),
         LiteralShape::Text(value) => text(value),
         LiteralShape::Rotation(quaternion) => Tree::map([("quat".to_string(), reals(quaternion))]),
         LiteralShape::Pose([x, y, z, quaternion @ ..]) => Tree::map([

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -201,24 +201,6 @@ impl From<CommandFileSummary> for CommandSummary {
     }
 }
 
-/// Counts the bytes written.
-struct CountingWriter<W> {
-    into: W,
-    bytes: u64,
-}
-
-impl<W: Write> Write for CountingWriter<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.into.write(bytes)?;
-        self.bytes += written as u64;
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.into.flush()
-    }
-}
-
 impl CommandStore {
     /// Opens the folder for the commands of this incarnation of the executor, with an empty index.
     #[must_use]
@@ -281,11 +263,10 @@ impl CommandStore {
             fs::create_dir_all(&self.folder)?;
             let mut options = fs::OpenOptions::new();
             options.write(true).create(true).truncate(true).mode(0o600);
-            let into = BufWriter::new(options.open(&partial)?);
-            let mut counted = CountingWriter { into, bytes: 0 };
-            serde_json::to_writer(&mut counted, command)?;
-            counted.flush()?;
-            Ok(counted.bytes)
+            // Into memory first: a file takes a few long writes much faster than many short ones.
+            let bytes = serde_json::to_vec(command)?;
+            options.open(&partial)?.write_all(&bytes)?;
+            Ok(bytes.len() as u64)
         };
         let removed = |error| {
             // If this fails too, the next incarnation of the loader removes the incomplete file.

@@ -61,18 +61,26 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
         }
         _ => return canonical,
     };
-    let tree = write::literal_tree(&canonical);
-    let literal = Literal {
-        notation,
-        ..canonical
+    let is_canonical = match (&canonical.shape, &notation) {
+        (LiteralShape::Real(value, Some(unit)), Notation::Text(text)) => {
+            *text == write::quantity(*value, *unit)
+        }
+        _ => {
+            let tree = write::literal_tree(&canonical);
+            let written = Literal {
+                notation: notation.clone(),
+                ..canonical.clone()
+            };
+            write::literal_tree(&written) == tree
+        }
     };
-    if write::literal_tree(&literal) == tree {
-        return Literal {
-            notation: Notation::Canonical,
-            ..literal
-        };
+    match is_canonical {
+        true => canonical,
+        false => Literal {
+            notation,
+            ..canonical
+        },
     }
-    literal
 }
 
 fn read_quantity(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Quantity> {

@@ -2,6 +2,7 @@
 //! Run by the serving thread; reserving and compiling are the work of blocking threads.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Json;
 use axum::body::Bytes;
@@ -13,6 +14,7 @@ use rcc_api::bodies::Loaded;
 use rcc_api::bodies::{Checked, ErrorBody};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
+use rcc_core::message::CommandState;
 use rcc_core::printable::Printable;
 use serde::Deserialize;
 use tokio::sync::oneshot;
@@ -27,18 +29,32 @@ use crate::server::fair_queue::FairQueue;
 use crate::server::peer::ClientPeer;
 use crate::server::service::Service;
 
+/// Longest time that the answer to LOAD waits, ms.
+const WAIT_MAX_MS: u64 = 5000;
+
 #[derive(Deserialize)]
 pub(super) struct LoadQuery {
     /// File name for diagnostics.
     #[serde(default)]
     file: Option<String>,
+    /// Time for which the answer waits for the net to be ready or rejected, ms.
+    #[serde(default)]
+    wait_ms: u64,
 }
 
-/// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the command's state then changes from `loading`
-/// to `ready` or `rejected`.
+#[derive(Deserialize)]
+pub(super) struct CheckQuery {
+    /// File name for diagnostics.
+    #[serde(default)]
+    file: Option<String>,
+}
+
+/// LOAD: the body is the text of a net, YAML or JSON. Answers at once, or, with `wait_ms`, when the net is ready or rejected;
+/// the command's state changes from `loading` to `ready` or `rejected`.
 #[cfg_attr(test, utoipa::path(post, path = "/commands", operation_id = "loadCommand", tag = "commands", request_body(content((Object = "application/json"), (String = "application/yaml")), description = "a net"),
-    params(("file" = Option<String>, Query, description = "file name for diagnostics")),
-    responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody))))]
+    params(("file" = Option<String>, Query, description = "file name for diagnostics"),
+        ("wait_ms" = Option<u64>, Query, description = "answer when the net is ready or rejected, at the latest after this time; at most 5000")),
+    responses((status = 202, body = Loaded), (status = 400, body = ErrorBody), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody))))]
 pub(super) async fn load(
     State(state): State<ServerState>,
     Query(query): Query<LoadQuery>,
@@ -47,18 +63,27 @@ pub(super) async fn load(
     Extension(peer): Extension<ClientPeer>,
     body: Bytes,
 ) -> Result<Response, ErrorResponse> {
+    if query.wait_ms > WAIT_MAX_MS {
+        return Err(too_long_a_wait(query.wait_ms).into());
+    }
     let place = state.loading.take(peer, 1);
     let place = place.ok_or_else(|| too_many_of(LOADING, "texts are being compiled"))?;
     // The name appears in every source snippet.
     let file = Printable(query.file.as_deref().unwrap_or("net")).to_string();
     let (answer, answered) = oneshot::channel();
     // It goes on if the client goes: an id that is reserved then is given back.
-    tokio::spawn(async move {
-        load_text(state, (caller, peer), (body, file), answer).await;
+    let loading = tokio::spawn(async move {
+        let state = load_text(state, (caller, peer), (body, file), answer).await;
         drop((place, memory));
+        state
     });
     let id = answered.await.unwrap_or_else(|_| Err(not_loaded()))?;
-    let state = "loading".to_owned();
+    let wait = Duration::from_millis(query.wait_ms);
+    let state = match tokio::time::timeout(wait, loading).await {
+        Ok(loaded) => loaded.unwrap_or(CommandState::Rejected),
+        Err(_) => CommandState::Loading,
+    };
+    let state = state.name().to_owned();
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
 }
 
@@ -69,7 +94,7 @@ pub(super) async fn load(
     responses((status = 200, body = Checked), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody))))]
 pub(super) async fn check(
     State(state): State<ServerState>,
-    Query(query): Query<LoadQuery>,
+    Query(query): Query<CheckQuery>,
     Extension(memory): Extension<TextMemory>,
     Extension(peer): Extension<ClientPeer>,
     body: Bytes,
@@ -94,33 +119,47 @@ fn turns_of(state: &ServerState, bytes: usize) -> Arc<FairQueue> {
     })
 }
 
-/// Reserves an id, answers, and compiles the text.
+/// Reserves an id, answers, and compiles the text. Returns whether the net became ready or rejected.
 async fn load_text(
     state: ServerState,
     (caller, peer): (Caller, ClientPeer),
     (body, file): (Bytes, String),
     answer: oneshot::Sender<Result<u64, ApiError>>,
-) {
+) -> CommandState {
     let turns = turns_of(&state, body.len());
     let reserve = move |service: &Service| service.reserve(&caller, text_of(body, "the text is")?);
     let reserved = blocking(state.clone(), reserve).await;
     let id = reserved.as_ref().ok().copied();
     let is_awaited = answer.send(reserved).is_ok();
-    let Some(id) = id else { return };
+    let Some(id) = id else {
+        return CommandState::Rejected;
+    };
     let service = Arc::clone(&state.service);
     if !is_awaited {
         // Nobody knows the id. On a panic, which the panic hook reports, `maintain` finds it.
         let _ = tokio::task::spawn_blocking(move || service.discard(id)).await;
-        return;
+        return CommandState::Rejected;
     }
     let _turn = turns.take(peer).await;
     let compiled = tokio::task::spawn_blocking(move || service.install(id, &file));
-    if let Err(error) = compiled.await {
-        tracing::error!(id, %error, "a load panicked");
-        let service = state.service;
-        // On a panic, which the panic hook reports, `maintain` finds it.
-        let _ = tokio::task::spawn_blocking(move || service.fail(id)).await;
+    match compiled.await {
+        Ok(state) => state,
+        Err(error) => {
+            tracing::error!(id, %error, "a load panicked");
+            let service = state.service;
+            // On a panic, which the panic hook reports, `maintain` finds it.
+            let _ = tokio::task::spawn_blocking(move || service.fail(id)).await;
+            CommandState::Rejected
+        }
     }
+}
+
+fn too_long_a_wait(wait_ms: u64) -> ApiError {
+    ApiError::new(
+        codes::BAD_REQUEST,
+        format!("`wait_ms` is {wait_ms}, the maximum is {WAIT_MAX_MS}"),
+        "ask again with `GET /commands/{id}?brief=true` while the state is `loading`",
+    )
 }
 
 fn not_loaded() -> ApiError {

@@ -115,9 +115,9 @@ impl Service {
         }
     }
 
-    /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. The command becomes ready or
-    /// rejected; its file contains the errors.
-    pub fn install(&self, id: u64, file_name: &str) {
+    /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. Returns whether the command
+    /// became ready or rejected; its file contains the errors.
+    pub fn install(&self, id: u64, file_name: &str) -> CommandState {
         let text = self.texts().remove(&id).unwrap_or_default();
         let summary = self.loading.get().get(&id).map(Arc::clone);
         let file = summary.map_or_else(CommandFile::default, |loading| CommandFile {
@@ -127,7 +127,8 @@ impl Service {
             loaded_at: loading.loaded_at,
             ..CommandFile::default()
         });
-        if let Err(error) = self.try_install(id, file, file_name) {
+        let state = self.try_install(id, file, file_name);
+        let state = state.unwrap_or_else(|error| {
             tracing::warn!(
                 id,
                 code = error.code.code,
@@ -135,8 +136,10 @@ impl Service {
                 "load failed"
             );
             self.record_rejected(id, &error.finding(), 1);
-        }
+            CommandState::Rejected
+        });
         self.loading.change(|loading| loading.remove(&id));
+        state
     }
 
     fn texts(&self) -> MutexGuard<'_, BTreeMap<u64, String>> {
@@ -179,7 +182,12 @@ impl Service {
         })
     }
 
-    fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
+    fn try_install(
+        &self,
+        id: u64,
+        mut file: CommandFile,
+        name: &str,
+    ) -> Result<CommandState, ApiError> {
         let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
         let stored = |file: &CommandFile| store.write(file).map_err(|error| not_stored(&error));
@@ -205,7 +213,7 @@ impl Service {
                 // If the file cannot be written, the findings stay in memory and the command is rejected all the same.
                 let kept = stored(&file);
                 self.executor.call(&Call::Reject { id })?;
-                return kept;
+                return kept.map(|()| CommandState::Rejected);
             }
         };
         file.uses = self.named_uses(id, uses, &topics);
@@ -235,12 +243,16 @@ impl Service {
                 | Answer::RulesInstalled { .. }
                 | Answer::Rules(_),
             ) => unexpected(),
-            Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
+            Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(CommandState::Ready),
             Ok(Answer::Rehearsed { rehearsed, .. }) => {
                 let net = file.names.clone().unwrap_or_default();
                 let view = self.with_names(None, |names| names.rehearsal(&rehearsed, &net));
                 file.rehearsal = Some(view);
-                return stored(&file);
+                if let Err(error) = stored(&file) {
+                    // The net is ready all the same.
+                    tracing::warn!(id, message = error.message, "the rehearsal is not kept");
+                }
+                return Ok(CommandState::Ready);
             }
             Ok(Answer::Refused(refusal)) => {
                 self.with_names(Some(&store), |names| names.refusal(id, refusal))
@@ -255,7 +267,7 @@ impl Service {
         self.record_rejected(id, &finding, 1);
         file.diagnostics.push(finding);
         store::discard_excess(&mut file);
-        stored(&file)
+        stored(&file).map(|()| CommandState::Rejected)
     }
 }
 
