@@ -302,7 +302,7 @@ mod tests {
 
     fn names() -> Names {
         let primitive = |id: &str, inputs, outputs| PrimitiveNames {
-            id: id.to_owned(),
+            id: id.into(),
             type_name: "Any".into(),
             inputs,
             outputs,
