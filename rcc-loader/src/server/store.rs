@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,6 +22,8 @@ use super::published::Published;
 
 /// Maximum size of all command files together, bytes; they are in memory (tmpfs).
 pub const KEPT_MAX: u64 = 256 << 20;
+/// Number of bytes of a file that are written at once.
+const WRITTEN_AT_ONCE: usize = 64 << 10;
 /// Maximum size of the stored text of a rejected command, bytes.
 pub const REJECTED_TEXT_MAX: usize = 64 << 10;
 /// Maximum size of the stored findings of a command, bytes; beyond it only their number is stored.
@@ -263,10 +265,10 @@ impl CommandStore {
             fs::create_dir_all(&self.folder)?;
             let mut options = fs::OpenOptions::new();
             options.write(true).create(true).truncate(true).mode(0o600);
-            // Into memory first: a file takes a few long writes much faster than many short ones.
-            let bytes = serde_json::to_vec(command)?;
-            options.open(&partial)?.write_all(&bytes)?;
-            Ok(bytes.len() as u64)
+            let mut file = BufWriter::with_capacity(WRITTEN_AT_ONCE, options.open(&partial)?);
+            serde_json::to_writer(&mut file, command)?;
+            file.flush()?;
+            Ok(file.get_ref().metadata()?.len())
         };
         let removed = |error| {
             // If this fails too, the next incarnation of the loader removes the incomplete file.

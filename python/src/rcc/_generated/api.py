@@ -552,7 +552,7 @@ class Loaded(TypedDict):
     id: int
     """The command's id."""
     state: CommandState
-    """`loading`."""
+    """`loading`; with `wait_ms` also `ready` or `rejected`."""
 
 
 class MonitorBatch(TypedDict):
