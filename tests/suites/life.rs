@@ -37,6 +37,47 @@ fn a_busy_resource_names_its_holder_by_name() {
 }
 
 #[test]
+fn the_answer_to_load_waits_until_the_net_is_ready_or_rejected_if_asked_to() {
+    let cell = TestCell::demo();
+    let load = |query: &str, text: &str| cell.rest("POST", &format!("/commands{query}"), text);
+    let line = nets::line("line", 0.2, 0.1);
+    for (query, text, state) in [
+        ("", line.as_str(), "loading"),
+        ("?wait_ms=0", &line, "loading"),
+        ("?wait_ms=5000", &line, "ready"),
+        ("?wait_ms=5000&file=bad.yaml", "net: bad", "rejected"),
+    ] {
+        let reply = load(query, text);
+        assert_eq!(
+            (reply.status, &reply.body["state"]),
+            (202, &state.into()),
+            "{query}: {reply:?}"
+        );
+        if state != "loading" {
+            let id = reply.body["id"].as_u64().expect("an id");
+            assert_eq!(cell.state(id)["state"], state, "{query}");
+        }
+    }
+    let refused = load("?wait_ms=5001", &line);
+    assert_eq!(
+        (refused.status, refused.code()),
+        (400, "RCC4011"),
+        "{refused:?}"
+    );
+    assert!(
+        refused.error_text().contains("maximum is 5000"),
+        "{refused:?}"
+    );
+    let commands = cell.rest("GET", "/commands", "").body;
+    assert_eq!(
+        commands.as_array().map(Vec::len),
+        Some(4),
+        "nothing was loaded: {commands}"
+    );
+    cell.stop();
+}
+
+#[test]
 fn a_request_that_the_state_does_not_allow_is_refused_and_changes_nothing() {
     let cell = TestCell::demo();
     let id = cell.load(&nets::uncancellable_line("stubborn", 0.2, 0.1));
