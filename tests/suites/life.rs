@@ -55,7 +55,10 @@ fn the_answer_to_load_waits_until_the_net_is_ready_or_rejected_if_asked_to() {
         );
         if state != "loading" {
             let id = reply.body["id"].as_u64().expect("an id");
-            assert_eq!(cell.state(id)["state"], state, "{query}");
+            // The table of the very cycle may be read before it is written.
+            await_some(&format!("{state} in the table"), || {
+                (cell.state(id)["state"] == state).then_some(())
+            });
         }
     }
     let refused = load("?wait_ms=5001", &line);
