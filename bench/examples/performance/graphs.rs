@@ -91,6 +91,10 @@ fn row(
     check(&name, &graph, &mut instance, &mut programs, &inputs)?;
     let primitives = instance.primitives() as f64;
     let inputs = &inputs[..64];
+    let cell = cell();
+    let plan = instance.net.plan.clone();
+    let net = Net::build(plan, &cell.models(), cell.fingerprint, &[None], 1e-3)
+        .map_err(|refusal| format!("{refusal:?}"))?;
     let mut subjects = vec![MeasuredSubject::new(|cycles| {
         for cycle in 0..cycles {
             instance.measure(&inputs[cycle % inputs.len()]);
@@ -105,10 +109,6 @@ fn row(
             }
         }));
     }
-    let cell = cell();
-    let plan = instance.net.plan.clone();
-    let net = Net::build(plan, &cell.models(), cell.fingerprint, &[None], 1e-3)
-        .map_err(|refusal| format!("{refusal:?}"))?;
     subjects.push(MeasuredSubject::new(|cycles| {
         for _ in 0..cycles {
             black_box(black_box(&net).hash());

@@ -149,13 +149,7 @@ impl Literal {
     /// Returns true if the constant is a value of the type.
     #[must_use]
     pub fn fits(&self, ty: Type) -> bool {
-        match (ty, &self.shape) {
-            // The common ones, without making the value.
-            (_, LiteralShape::Null | LiteralShape::Refused) => true,
-            (Type::Real, _) => self.number().is_some(),
-            (Type::Bool, LiteralShape::Bool(_)) | (Type::Int, LiteralShape::Int(_)) => true,
-            _ => self.stored(ty).is_some(),
-        }
+        self.stored(ty).is_some()
     }
 
     fn number_or_null(&self) -> Option<f64> {
