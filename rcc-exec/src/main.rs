@@ -65,6 +65,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
+    rcc_os::clock::exact_sleeps();
     exit::conclude(execute(&cell))
 }
 

@@ -64,6 +64,7 @@ pub fn run(arguments: &Arguments, drivers: &[DriverEntry]) -> ExitCode {
         Some(milliseconds) => listen_only(arguments, drivers, Duration::from_millis(milliseconds)),
         None => {
             rcc_process::log();
+            rcc_os::clock::exact_sleeps();
             host(arguments, drivers)
         }
     };

@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     rcc_process::log();
+    rcc_os::clock::exact_sleeps();
     let options = Options::parse();
     let result = program::run(&options, rcc_process::say);
     match result {
