@@ -27,8 +27,8 @@ mod stream;
 
 pub use stream::Lines;
 
-/// Time for which the answer to LOAD waits for the net to be ready or rejected, ms; nearly all are by then.
-const LOAD_WAIT_MS: u32 = 5000;
+/// Maximum time for which the answer to LOAD waits for the net to be ready or rejected; nearly all are by then.
+const LOAD_WAIT: Duration = Duration::from_secs(5);
 /// Interval at which a net that is still being loaded after that is looked at.
 const LOAD_POLL: Duration = Duration::from_millis(10);
 
@@ -219,7 +219,9 @@ impl LoaderClient {
     ) -> Result<CommandView, RequestError> {
         let begun = Instant::now();
         let query = file.map_or(String::new(), |name| format!("&file={}", segment(name)));
-        let path = format!("/commands?wait_ms={LOAD_WAIT_MS}{query}");
+        // The answer has to come in time.
+        let wait = LOAD_WAIT.min(self.timeout / 2);
+        let path = format!("/commands?wait_ms={}{query}", wait.as_millis());
         let Loaded { id, .. } = self.post(&path, text.to_owned())?;
         loop {
             let command: CommandView = self.get(&format!("/commands/{id}?brief=true"))?;
