@@ -1,5 +1,5 @@
 //! Measures the time from LOAD to `ready` as a client on the Unix socket sees it: the request, the compiler, the files of
-//! the command, the executor, and the client's own questions whether it is ready. Usage:
+//! the command, the executor's build and rehearsal, and two cycles. Usage:
 //! `cargo run --release -p rcc-tests --example load_time -- [TIMES]`.
 
 use std::time::{Duration, Instant};
@@ -53,10 +53,8 @@ fn row(client: &LoaderClient, times: usize, name: &str, text: &str) {
         assert_eq!(command.state, "ready", "{:?}", command.diagnostics);
         let rehearsal = command.rehearsal.map_or(0, |rehearsal| rehearsal.took_ns);
         rehearsed.push(Duration::from_nanos(rehearsal));
-        let unloaded: serde_json::Value = client
-            .delete(&format!("/commands/{}", command.id))
-            .expect("the net is not running");
-        drop(unloaded);
+        let unloaded = client.delete::<serde_json::Value>(&format!("/commands/{}", command.id));
+        unloaded.expect("the net is not running");
     }
     took.sort();
     rehearsed.sort();
