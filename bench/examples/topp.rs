@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 mod motions;
 
 use motions::sampled::{PathSample, Sampled, sampled};
-use motions::{MotionKind, robots};
+use motions::{COMPARED, robots};
 
 /// Factor of a jerk limit so high that it hardly matters.
 const JERK: f64 = 100.0;
@@ -20,12 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = std::env::args().nth(1).ok_or("usage: topp COUNT")?;
     let count: usize = count.parse()?;
     let mut out = std::io::stdout().lock();
-    for kind in [
-        MotionKind::Line,
-        MotionKind::Circle,
-        MotionKind::Spline,
-        MotionKind::Sequence,
-    ] {
+    for kind in COMPARED {
         for robot in &robots() {
             let built = (0..).filter_map(|seed| Some((seed, sampled(kind, robot, seed, JERK)?)));
             for (seed, motion) in built.take(count) {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rcc_client::LoaderClient;
 use rcc_testing::quantile;
-use rcc_tests::handover::large_net;
+use rcc_tests::handover::{chain_of_sums, large_net};
 use rcc_tests::{LIMIT, TestCell, nets};
 
 /// Numbers of primitives of the nets that command nothing.
@@ -34,12 +34,7 @@ fn main() {
 /// Returns a net of this many primitives that moves the arm on a line.
 fn line_of(primitives: usize) -> String {
     let sums = primitives - OF_A_LINE - 1;
-    let sum = |number: usize| {
-        let before = number - 1;
-        format!("  n{number}: {{type: Add, inputs: {{a: n{before}.out, b: 1 ms}}}}\n")
-    };
-    let sums_text: String = (1..=sums).map(sum).collect();
-    let further = format!("  n0: {{type: Time}}\n{sums_text}discard: [n{sums}.out]\n");
+    let further = format!("{}discard: [n{sums}.out]\n", chain_of_sums(sums));
     nets::motion("line", 0.1, 0.2, &further)
 }
 

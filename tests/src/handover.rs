@@ -39,17 +39,24 @@ pub struct Report {
     pub while_loading: usize,
 }
 
-/// Returns the text of a net with this many primitives that uses no device.
+/// Returns primitives (lines of the section `primitives`): `n0` is the time, and each of `sums` adds to the one before.
 #[must_use]
-pub fn large_net(primitives: usize) -> String {
-    let mut text = String::from("net: large\nprimitives:\n  n0: {type: Time}\n");
-    let sums = primitives.saturating_sub(3);
+pub fn chain_of_sums(sums: usize) -> String {
+    let mut text = String::from("  n0: {type: Time}\n");
     for number in 1..=sums {
         let before = number - 1;
         text.push_str(&format!(
             "  n{number}: {{type: Add, inputs: {{a: n{before}.out, b: 1 ms}}}}\n"
         ));
     }
+    text
+}
+
+/// Returns the text of a net with this many primitives that uses no device.
+#[must_use]
+pub fn large_net(primitives: usize) -> String {
+    let sums = primitives.saturating_sub(3);
+    let mut text = format!("net: large\nprimitives:\n{}", chain_of_sums(sums));
     text.push_str(&format!(
         "  over: {{type: Greater, inputs: {{a: n{sums}.out, b: 1000000 s}}}}\n  end: {{type: Termination, inputs: {{done: over.out}}}}\n"
     ));

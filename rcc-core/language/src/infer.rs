@@ -96,12 +96,10 @@ impl UnitVariables {
 
     /// Returns the variables of an item with their rules.
     fn item(&self, graph: &NetGraph<'_>, number: usize) -> impl Iterator<Item = (UnitRule, usize)> {
-        let rules = graph
-            .items
-            .get(number)
-            .and_then(|item| self.rules.get(item.row));
+        let item = graph.items.get(number);
+        let rules = item.and_then(|item| self.rules.get(item.row)?.as_deref());
         let first = self.first.get(number).copied().unwrap_or(0);
-        rules.into_iter().flatten().flatten().copied().zip(first..)
+        rules.unwrap_or(&[]).iter().copied().zip(first..)
     }
 
     fn term(&self, graph: &NetGraph<'_>, number: usize, rule: UnitRule) -> UnitTerm {
@@ -119,15 +117,8 @@ impl UnitVariables {
                 UnitTerm::Fixed(Unit::of_joints(linear, order))
             }
             _ => {
-                let rules = graph
-                    .items
-                    .get(number)
-                    .and_then(|item| self.rules.get(item.row));
-                let rules = rules.and_then(|rules| rules.as_deref()).unwrap_or(&[]);
-                let place = rules.iter().position(|known| *known == rule);
-                place.map_or(UnitTerm::None, |place| {
-                    UnitTerm::Variable(self.first[number] + place)
-                })
+                let found = self.item(graph, number).find(|(known, _)| *known == rule);
+                found.map_or(UnitTerm::None, |(_, variable)| UnitTerm::Variable(variable))
             }
         }
     }

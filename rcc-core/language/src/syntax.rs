@@ -110,28 +110,28 @@ impl Source {
         }
     }
 
-    /// Returns true if `is_one` is true for a constant of the source.
-    #[must_use]
-    pub fn has_constant(&self, is_one: fn(&Literal) -> bool) -> bool {
+    /// Calls `visit` with each constant of the source, including the initial values of delayed links.
+    pub fn for_each_constant<'s>(&'s self, visit: &mut impl FnMut(&'s Literal)) {
         match self {
-            Source::Link(link) => link.initial.as_deref().is_some_and(is_one),
-            Source::Literal(literal) => is_one(literal),
-            Source::List(list) => list.elements.iter().any(|it| it.has_constant(is_one)),
-            Source::Outcomes(outcomes) => outcomes.sources().any(|it| it.has_constant(is_one)),
-            Source::Formula(_) | Source::Refused => false,
+            Source::Link(link) => link.initial.as_deref().into_iter().for_each(visit),
+            Source::Literal(literal) => visit(literal),
+            Source::List(list) => list
+                .elements
+                .iter()
+                .for_each(|it| it.for_each_constant(visit)),
+            Source::Outcomes(outcomes) => outcomes
+                .sources()
+                .for_each(|it| it.for_each_constant(visit)),
+            Source::Formula(_) | Source::Refused => {}
         }
     }
 
     /// Returns the constants of the source, including the initial values of delayed links.
     #[must_use]
     pub fn constants(&self) -> Vec<&Literal> {
-        match self {
-            Source::Link(link) => link.initial.as_deref().into_iter().collect(),
-            Source::Literal(literal) => vec![literal],
-            Source::List(list) => list.elements.iter().flat_map(Source::constants).collect(),
-            Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::constants).collect(),
-            Source::Formula(_) | Source::Refused => Vec::new(),
-        }
+        let mut constants = Vec::new();
+        self.for_each_constant(&mut |literal| constants.push(literal));
+        constants
     }
 }
 

@@ -4,19 +4,14 @@
 #[path = "../tests/motions/mod.rs"]
 mod motions;
 
-use motions::{MotionKind, compared, robots};
+use motions::{COMPARED, compared, robots};
 
 fn main() {
     let count = std::env::args().nth(1).and_then(|count| count.parse().ok());
     println!(
         "kind       robot        motions  time-optimal/uniform: median     p10     p90   build time, ms: uniform fastest"
     );
-    for kind in [
-        MotionKind::Line,
-        MotionKind::Circle,
-        MotionKind::Spline,
-        MotionKind::Sequence,
-    ] {
+    for kind in COMPARED {
         for robot in &robots() {
             let mut ratios = Vec::new();
             let mut built_s = [0.0; 2];

@@ -6,19 +6,14 @@
 mod motions;
 
 use motions::sampled::kept_and_given;
-use motions::{MotionKind, robots};
+use motions::{COMPARED, robots};
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let count = arguments.next().and_then(|count| count.parse().ok());
     let only = arguments.next();
     println!("kind,robot,seed,keep_s,give_s,keep_ms,give_ms");
-    for kind in [
-        MotionKind::Line,
-        MotionKind::Circle,
-        MotionKind::Spline,
-        MotionKind::Sequence,
-    ] {
+    for kind in COMPARED {
         let name = format!("{kind:?}");
         if only.as_ref().is_some_and(|only| *only != name) {
             continue;

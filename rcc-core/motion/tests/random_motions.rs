@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use motions::sampled::kept_and_given;
-use motions::{KINDS, MotionKind, RunOutcome, Tally, case, compared, robots};
+use motions::{COMPARED, KINDS, MotionKind, RunOutcome, Tally, case, compared, robots};
 
 /// Motions of each kind and robot.
 const EACH: usize = 100;
@@ -136,13 +136,7 @@ fn a_motion_that_gives_its_reserve_never_takes_longer_than_one_that_keeps_it() {
     /// Motions of each kind and robot, beside those that were found.
     const EACH: u64 = 4;
     let robots = robots();
-    let kinds = [
-        MotionKind::Line,
-        MotionKind::Circle,
-        MotionKind::Spline,
-        MotionKind::Sequence,
-    ];
-    let others = kinds.into_iter().flat_map(|kind| {
+    let others = COMPARED.into_iter().flat_map(|kind| {
         let of_robot = move |robot| (0..EACH).map(move |seed| (kind, robot, seed));
         (0..robots.len()).flat_map(of_robot)
     });

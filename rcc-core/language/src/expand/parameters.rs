@@ -186,10 +186,15 @@ pub fn constants(primitive: &Primitive) -> impl Iterator<Item = &Literal> {
 /// Returns true if a constant of the primitive contains parameters.
 pub fn any_in(primitive: &Primitive) -> bool {
     let is_one = |literal: &Literal| matches!(literal.shape, LiteralShape::Parameterised(_));
+    let mut any = primitive
+        .parameters
+        .iter()
+        .any(|(_, literal)| is_one(literal));
     let sources = primitive.inputs.iter().map(|(_, source)| source);
-    let mut sources = sources.chain(&primitive.active);
-    let mut parameters = primitive.parameters.iter();
-    parameters.any(|(_, literal)| is_one(literal)) || sources.any(|it| it.has_constant(is_one))
+    for source in sources.chain(&primitive.active) {
+        source.for_each_constant(&mut |literal| any |= is_one(literal));
+    }
+    any
 }
 
 /// Collects the parameters that a constant refers to, with their spans.

@@ -47,7 +47,16 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
             return canonical;
         }
         Value::Text(text) if !matches!(canonical.shape, LiteralShape::Text(_)) => {
-            Notation::Text(text.trim().to_string())
+            let text = text.trim();
+            return match canonical.shape {
+                LiteralShape::Real(value, Some(unit)) if text == write::quantity(value, unit) => {
+                    canonical
+                }
+                _ => Literal {
+                    notation: Notation::Text(text.to_string()),
+                    ..canonical
+                },
+            };
         }
         Value::List(nodes) if nodes.iter().any(|node| node.map().is_some()) => {
             Notation::Rows(Box::new(node.clone()))
@@ -61,26 +70,18 @@ pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
         }
         _ => return canonical,
     };
-    let is_canonical = match (&canonical.shape, &notation) {
-        (LiteralShape::Real(value, Some(unit)), Notation::Text(text)) => {
-            *text == write::quantity(*value, *unit)
-        }
-        _ => {
-            let tree = write::literal_tree(&canonical);
-            let written = Literal {
-                notation: notation.clone(),
-                ..canonical.clone()
-            };
-            write::literal_tree(&written) == tree
-        }
+    let tree = write::literal_tree(&canonical);
+    let literal = Literal {
+        notation,
+        ..canonical
     };
-    match is_canonical {
-        true => canonical,
-        false => Literal {
-            notation,
-            ..canonical
-        },
+    if write::literal_tree(&literal) == tree {
+        return Literal {
+            notation: Notation::Canonical,
+            ..literal
+        };
     }
+    literal
 }
 
 fn read_quantity(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Quantity> {

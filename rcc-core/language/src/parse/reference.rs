@@ -56,7 +56,8 @@ pub(crate) fn parse(text: &str, span: Span) -> Option<Reference> {
     })
 }
 
-/// Splits off the word at the beginning of a text; `None` if there is none.
+/// Splits a text into the name with which it begins (letters, digits, `_` and `-`) and the rest; `None` if it begins with
+/// another character.
 fn word(text: &str) -> Option<(&str, &str)> {
     let is_of_word = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'-');
     let ascii = text.bytes().take_while(is_of_word).count();

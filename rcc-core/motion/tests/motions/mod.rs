@@ -79,6 +79,14 @@ pub const KINDS: [MotionKind; 8] = [
     MotionKind::FastestGive,
 ];
 
+/// The kinds that are built with each profile of speed and compared.
+pub const COMPARED: [MotionKind; 4] = [
+    MotionKind::Line,
+    MotionKind::Circle,
+    MotionKind::Spline,
+    MotionKind::Sequence,
+];
+
 /// An arm, its start, and its name.
 pub struct TestRobot {
     /// Name for reports.
