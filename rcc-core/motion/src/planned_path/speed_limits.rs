@@ -135,21 +135,37 @@ pub(crate) fn widen(samples: &[DerivativeSample]) -> Vec<DerivativeSample> {
     (0..samples.len()).map(wide).collect()
 }
 
-/// The greatest speed at which the path may accelerate by `acceleration`, with the shares of the jerk limit.
-fn max_speed(part: &SampledPart, acceleration: f64) -> f64 {
-    let mut lowest = f64::INFINITY;
-    for ([first, second, third], [v, a, j]) in part.all() {
-        let left = (a - first * acceleration).max(0.0);
-        for limit in [
-            v / first,
-            libm::sqrt(left / second),
-            libm::cbrt(BEND_JERK * j / third),
-            SPEED_JERK * j / (3.0 * second * acceleration),
-        ] {
-            lowest = least(lowest, limit);
+/// The greatest speeds on a part of a path, by the acceleration along it.
+struct SpeedsOfPart<'a> {
+    part: &'a SampledPart,
+    /// The greatest speed within the limits that do not depend on that acceleration: velocity, and jerk in bends.
+    highest: f64,
+}
+
+impl<'a> SpeedsOfPart<'a> {
+    fn new(part: &'a SampledPart) -> Self {
+        let mut highest = f64::INFINITY;
+        for ([first, _, third], [v, _, j]) in part.all() {
+            highest = least(highest, v / first);
+            highest = least(highest, libm::cbrt(BEND_JERK * j / third));
         }
+        Self { part, highest }
     }
-    lowest
+
+    fn of(parts: &'a [SampledPart]) -> Vec<Self> {
+        parts.iter().map(Self::new).collect()
+    }
+
+    /// The greatest speed at which the path may accelerate by `acceleration`, with the shares of the jerk limit.
+    fn at(&self, acceleration: f64) -> f64 {
+        let (mut square, mut lowest) = (f64::INFINITY, self.highest);
+        for ([first, second, _], [_, a, j]) in self.part.all() {
+            let left = (a - first * acceleration).max(0.0);
+            square = least(square, left / second);
+            lowest = least(lowest, SPEED_JERK * j / (3.0 * second * acceleration));
+        }
+        least(lowest, libm::sqrt(square))
+    }
 }
 
 /// The given speed along the path, regardless of joints and bends.
@@ -180,10 +196,14 @@ pub(crate) fn fastest_bounds(
     let greatest = max_acceleration(parts);
     let mut best: Option<(f64, PathBounds)> = None;
     let mut too_fast = false;
+    let speeds = SpeedsOfPart::of(parts);
+    let given: Vec<Option<f64>> = (parts.iter())
+        .map(|part| part.given.then(|| given_speed(part)))
+        .collect();
     for acceleration in TRIALS.iter().map(|trial| trial * greatest) {
-        let velocities = parts.iter().map(|part| {
-            let possible = max_speed(part, acceleration);
-            let kept = !part.given || possible >= given_speed(part) * (1.0 - 1e-9);
+        let velocities = speeds.iter().zip(&given).map(|(speeds, given)| {
+            let possible = speeds.at(acceleration);
+            let kept = given.is_none_or(|given| possible >= given * (1.0 - 1e-9));
             kept.then_some(possible)
         });
         let Some(velocities) = velocities.collect::<Option<Vec<_>>>() else {
@@ -255,7 +275,7 @@ fn bounds_for_given_speeds(
         let acceleration = least(greatest, margin.acceleration);
         let velocities = parts.iter().map(|part| match part.given {
             true => given_speed(part),
-            false => max_speed(part, acceleration),
+            false => SpeedsOfPart::new(part).at(acceleration),
         });
         let velocities: Vec<f64> = velocities.collect();
         let bounds = path_bounds((parts, ends), &velocities, acceleration, dt_s);
@@ -332,17 +352,22 @@ pub(crate) fn braking_limits(
 ) -> Box<[BrakingLimits]> {
     let dt_s = uniform.dt_s();
     let begins = core::iter::once(0.0).chain(ends.iter().copied());
+    let speeds = SpeedsOfPart::of(parts);
     let mut stops = Vec::new();
     for ((first, from), until) in begins.enumerate().zip(ends) {
         for reach in STOP_PARTS {
             let last = first.saturating_add(reach).min(parts.len());
-            let (Some(near), Some(ends)) = (parts.get(first..last), ends.get(first..last)) else {
+            let (Some(near), Some(speeds), Some(ends)) = (
+                parts.get(first..last),
+                speeds.get(first..last),
+                ends.get(first..last),
+            ) else {
                 continue;
             };
             let greatest = max_acceleration(near);
             for acceleration in STOP_ACCELERATIONS.map(|trial| trial * greatest) {
-                let velocities: Vec<f64> = (near.iter())
-                    .map(|part| max_speed(part, acceleration))
+                let velocities: Vec<f64> = (speeds.iter())
+                    .map(|speeds| speeds.at(acceleration))
                     .collect();
                 let bounds = path_bounds((near, ends), &velocities, acceleration, dt_s);
                 stops.extend(bounds.map(|bounds| BrakingLimits {
