@@ -152,10 +152,6 @@ impl<'a> SpeedsOfPart<'a> {
         Self { part, highest }
     }
 
-    fn of(parts: &'a [SampledPart]) -> Vec<Self> {
-        parts.iter().map(Self::new).collect()
-    }
-
     /// The greatest speed at which the path may accelerate by `acceleration`, with the shares of the jerk limit.
     fn at(&self, acceleration: f64) -> f64 {
         let (mut square, mut lowest) = (f64::INFINITY, self.highest);
@@ -196,12 +192,12 @@ pub(crate) fn fastest_bounds(
     let greatest = max_acceleration(parts);
     let mut best: Option<(f64, PathBounds)> = None;
     let mut too_fast = false;
-    let speeds = SpeedsOfPart::of(parts);
-    let given: Vec<Option<f64>> = (parts.iter())
-        .map(|part| part.given.then(|| given_speed(part)))
+    let given = |part: &SampledPart| part.given.then(|| given_speed(part));
+    let speeds: Vec<_> = (parts.iter())
+        .map(|part| (SpeedsOfPart::new(part), given(part)))
         .collect();
     for acceleration in TRIALS.iter().map(|trial| trial * greatest) {
-        let velocities = speeds.iter().zip(&given).map(|(speeds, given)| {
+        let velocities = speeds.iter().map(|(speeds, given)| {
             let possible = speeds.at(acceleration);
             let kept = given.is_none_or(|given| possible >= given * (1.0 - 1e-9));
             kept.then_some(possible)
@@ -352,7 +348,7 @@ pub(crate) fn braking_limits(
 ) -> Box<[BrakingLimits]> {
     let dt_s = uniform.dt_s();
     let begins = core::iter::once(0.0).chain(ends.iter().copied());
-    let speeds = SpeedsOfPart::of(parts);
+    let speeds: Vec<_> = parts.iter().map(SpeedsOfPart::new).collect();
     let mut stops = Vec::new();
     for ((first, from), until) in begins.enumerate().zip(ends) {
         for reach in STOP_PARTS {
