@@ -51,13 +51,12 @@ fn line(motion: &Sampled) -> Value {
         "velocity": velocity,
         "acceleration": acceleration,
         "jerk": jerk,
-        "even_s": motion.times_s[0],
+        "default_s": motion.times_s[0],
         "fastest_s": motion.times_s[1],
         "give_s": motion.times_s[2],
-        "stops_s": [motion.halts_s[0][0], motion.halts_s[1][0]],
-        "pauses_s": [motion.halts_s[0][1], motion.halts_s[1][1]],
-        "loose_even_s": motion.loose_s[0],
-        "loose_fastest_s": motion.loose_s[1],
+        "stops_s": motion.halts_s.each_ref().map(|[stops, _]| stops),
+        "pauses_s": motion.halts_s.each_ref().map(|[_, pauses]| pauses),
+        "loose_fastest_s": motion.loose_s,
         "parts": parts.collect::<Vec<_>>(),
     })
 }

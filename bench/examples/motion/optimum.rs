@@ -37,19 +37,23 @@ struct TimeRatios {
 type Columns = [(&'static str, &'static str)];
 
 const COLUMNS: &Columns = &[
-    ("even", "even"),
+    ("default", "default"),
     ("fastest", "fastest"),
+    ("default of fastest", "default_of_keep"),
     ("fastest, jerk × 100", "loose_fastest"),
     ("fastest known time law", "reference"),
     ("fastest, relative to it", "of_reference"),
+    ("default, relative to it", "default_of_reference"),
 ];
 
 const RESERVES: &Columns = &[
     ("duration, give", "give_of_keep"),
     ("fastest known, keep", "of_reference"),
     ("fastest known, give", "give_of_reference"),
+    ("stop, default", "stops_default"),
     ("stop, keep", "stops_keep"),
     ("stop, give", "stops_give"),
+    ("pause, default", "pauses_default"),
     ("pause, keep", "pauses_keep"),
     ("pause, give", "pauses_give"),
 ];
@@ -67,7 +71,7 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
         return Err(format!("{} has no rows", file.display()).into());
     };
     let of = |key: &'static str| groups.iter().filter_map(move |group| group.times.get(key));
-    let ours = ["even", "fastest", "give", "loose_even", "loose_fastest"];
+    let ours = ["default", "fastest", "give", "loose_fastest"];
     let least = ours.into_iter().flat_map(of);
     let least = least.fold(f64::INFINITY, |least, it| least.min(it.least));
     let halved = of("halved").fold(0.0_f64, |most, it| most.max(it.worst));
@@ -83,13 +87,15 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
          fastest known time law, available for some of the motions, respects the same limits of velocity, acceleration \
          and jerk, but reserves nothing for a stop either; a sequence of linear programs finds it within seconds, \
          starting from ours and from TOPP-RA's, or it is ours with `stops: give`: not a bound, but an existing time law. \
-         The last column is the duration \
-         of our motions relative to that time law.\n\n",
+         The last columns are the durations \
+         of our motions relative to that time law. *Fastest* is `time_optimal: true`; *default* is without it and without a \
+         given velocity.\n\n",
         first.version
     );
     let reserves = format!(
         "\n## What a reserve for stops costs\n\n\
-         `stops: give` of a time-optimal motion reserves 2 % of the limits of acceleration and jerk instead of 15 %. \
+         `stops: give` of a time-optimal motion reserves 2 % of the limits of acceleration and jerk instead of 15 %; the default \
+         reserves 30 %, or has one acceleration for the whole path, where a time law would save little. \
          *Duration, give* is relative to the same motion with `stops: keep`, *fastest known* relative to the fastest known \
          time law. *Stop* and *pause* are the seconds until the arm rests, begun at eight times of each motion, which \
          are evenly distributed over it. Median (90 %, worst). Whether every limit is kept with either of them, under random \

@@ -29,7 +29,7 @@ const KINDS: [(MotionKind, &str); 4] = [
 
 /// Profiles, and the goal for a motion of a second, ms.
 const PROFILES: [(SpeedProfile, &str, f64); 3] = [
-    (SpeedProfile::Uniform, "even", 20.0),
+    (SpeedProfile::Adaptive, "default", 20.0),
     (
         SpeedProfile::TimeOptimal(StopReserve::Keep),
         "`stops: keep`",

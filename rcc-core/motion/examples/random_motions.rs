@@ -4,7 +4,17 @@
 #[path = "../tests/motions/mod.rs"]
 mod motions;
 
-use motions::{KINDS, Tally, case, robots};
+use rcc_core::path::SpeedProfile;
+
+use motions::{Tally, case, kinds_and_paces, robots};
+
+fn pace_name(pace: SpeedProfile) -> &'static str {
+    match pace {
+        SpeedProfile::Uniform => "uniform",
+        SpeedProfile::Adaptive => "adaptive",
+        SpeedProfile::TimeOptimal(_) => "optimal",
+    }
+}
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
@@ -14,12 +24,15 @@ fn main() {
         .unwrap_or(10_000);
     let (only, robot) = (arguments.next(), arguments.next());
     println!(
-        "kind           robot          motions  refused    cycles  off path  velocity  accel.    jerk  broken"
+        "kind, profile          robot          motions  refused    cycles  off path  velocity  accel.    jerk  broken"
     );
     let mut all_kept = true;
-    for kind in KINDS {
-        let name = format!("{kind:?}");
-        if only.as_ref().is_some_and(|only| *only != name) {
+    for (kind, pace) in kinds_and_paces() {
+        let name = format!("{kind:?}, {}", pace_name(pace));
+        if only
+            .as_ref()
+            .is_some_and(|only| *only != format!("{kind:?}"))
+        {
             continue;
         }
         let robots = robots();
@@ -32,7 +45,7 @@ fn main() {
                 if planned >= count.div_ceil(robots.len() as u64) || tally.refused > 20 * count {
                     break;
                 }
-                let fault = tally.count(case(kind, robot, seed));
+                let fault = tally.count(case((kind, pace), robot, seed));
                 if let Some(fault) = fault.filter(|_| tally.broken <= 5) {
                     println!("{name} of {}, seed {seed}: {fault}", robot.name);
                 }
@@ -46,7 +59,7 @@ fn main() {
             let ran = tally.ran + broken;
             let [velocity, acceleration, jerk] = worst.parts.map(|part| 100.0 * part);
             println!(
-                "{name:14} {:12} {ran:9} {refused:8} {:9} {:8.1e} m {velocity:6.2} % {acceleration:5.2} % {jerk:5.2} % {broken:6}",
+                "{name:22} {:12} {ran:9} {refused:8} {:9} {:8.1e} m {velocity:6.2} % {acceleration:5.2} % {jerk:5.2} % {broken:6}",
                 robot.name, worst.cycles, worst.off_m
             );
             all_kept &= broken == 0;

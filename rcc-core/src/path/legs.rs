@@ -169,8 +169,11 @@ pub struct PathRequest<'a> {
 /// The speed profile along a path, within all limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpeedProfile {
-    /// Velocity limits for its parts, one acceleration and one jerk limit for the whole path.
+    /// Uniform where that takes little longer and where a speed is given, which is kept; otherwise a time law within the
+    /// limits of every place, found quickly.
     #[default]
+    Adaptive,
+    /// Velocity limits for its parts, one acceleration and one jerk limit for the whole path.
     Uniform,
     /// Time-optimal parameterization. Limits of the flange apply, too, but a given speed is then only a limit.
     TimeOptimal(StopReserve),

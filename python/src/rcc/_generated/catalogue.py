@@ -2780,7 +2780,7 @@ class Primitives(Base):
         to: Pose: flange at the end, in the arm's base; with `angle`, another point of the circle
         angle: Real [rad]: angle of the arc, replaces the end at `to`; deg(360) for a full circle; negative: opposite direction; default null
         orientation: even, constant, path: even: rotates evenly from the orientation of the start to that of `to`; constant: stays constant; path: rotates with the circle; default even
-        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, as fast as the joints allow; default null
+        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path; default null
         acceleration: Real [m/s^2]: largest acceleration of the flange; if omitted, limited by the joints; default null
         jerk: Real [m/s^3]: largest jerk of the flange; if omitted, limited by the joints; default null
         angular_velocity: Real [rad/s]: largest angular speed; if omitted, limited by the joints; default null
@@ -3820,7 +3820,7 @@ class Primitives(Base):
         device: device with an arm: name of an arm in the cell's configuration
         to: Pose: flange at the end, in the arm's base
         from_: Pose: flange at the start, with joints near the hold set-point; START is refused if the arm is elsewhere; if omitted, the arm's hold set-point; default null
-        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, as fast as the joints allow; default null
+        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path; default null
         acceleration: Real [m/s^2]: largest acceleration of the flange; if omitted, limited by the joints; default null
         jerk: Real [m/s^3]: largest jerk of the flange; if omitted, limited by the joints; default null
         angular_velocity: Real [rad/s]: largest angular speed; governs instead of `velocity` on a line with a large rotation over a short distance; default 1
@@ -5058,7 +5058,7 @@ class Primitives(Base):
 
         device: device with an arm: name of an arm in the cell's configuration
         through: poses: poses of the flange in the arm's base through which the curve passes, up to 128; the last one is the end
-        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, as fast as the joints allow; default null
+        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path; default null
         acceleration: Real [m/s^2]: largest acceleration of the flange; if omitted, limited by the joints; default null
         jerk: Real [m/s^3]: largest jerk of the flange; if omitted, limited by the joints; default null
         angular_velocity: Real [rad/s]: largest angular speed; if omitted, limited by the joints; default null

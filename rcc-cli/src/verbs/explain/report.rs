@@ -264,6 +264,7 @@ fn motions(found: &ResolvedNet) -> Option<PlannedMotions> {
             legs: section.legs.map(|leg| leg + 1),
             time_scaling: match section.time_scaling {
                 TimeScaling::Even => "even",
+                TimeScaling::Adapted => "adapted",
                 TimeScaling::TimeOptimal => "time-optimal",
                 TimeScaling::FirstLaw => "first law: the method that improves it did not end",
             },

@@ -70,8 +70,8 @@ impl NameResolver<'_> {
         };
         let limit = ["velocity", "acceleration", "jerk"][usize::from(slow.order.clamp(1, 3)) - 1];
         format!(
-            "; `{motion}` takes {:.2} s where its limits allow {:.2} s, because the {limit} {what} at {:.0} % of leg {} bounds all of \
-             it: `time_optimal: true` uses what every place allows",
+            "; `{motion}` takes {:.2} s where its limits allow {:.2} s, because its velocity is given and the {limit} {what} at {:.0} % of \
+             leg {} bounds all of it: `time_optimal: true` uses what every place allows, up to that velocity",
             slow.takes_s,
             slow.possible_s,
             100.0 * slow.fraction,

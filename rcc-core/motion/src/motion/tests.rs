@@ -239,10 +239,15 @@ const FASTEST_GIVE: SpeedProfile = SpeedProfile::TimeOptimal(StopReserve::Give);
 
 /// Over an obstacle: up, aside, down, with blended corners.
 fn over(pace: SpeedProfile) -> MotionSet {
+    over_with(pace, |_| ())
+}
+
+/// The same with changed legs.
+fn over_with(pace: SpeedProfile, change: impl Fn(&mut [Leg<'_>; 3])) -> MotionSet {
     let (models, holds) = ([lwr()], [Some(START)]);
     let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
     let mut to = from();
-    let legs = [[0.0, 0.0, 0.15], [-0.06, -0.3, 0.0], [0.0, 0.0, -0.15]].map(|way| {
+    let mut legs = [[0.0, 0.0, 0.15], [-0.06, -0.3, 0.0], [0.0, 0.0, -0.15]].map(|way| {
         let places = to.position.iter_mut().zip(way);
         places.for_each(|(place, way)| *place += way);
         Leg {
@@ -250,6 +255,7 @@ fn over(pace: SpeedProfile) -> MotionSet {
             ..Leg::new(PathSegment::Line { to })
         }
     });
+    change(&mut legs);
     let request = PathRequest {
         device: 0,
         from: None,
@@ -262,7 +268,7 @@ fn over(pace: SpeedProfile) -> MotionSet {
 
 #[test]
 fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_the_jerk_allows() {
-    let [(sooner, _), (later, _)] = [FASTEST, SpeedProfile::Uniform].map(end_of);
+    let [(sooner, _), (later, _)] = [FASTEST, SpeedProfile::Uniform].map(|pace| end_of(over(pace)));
     assert!(sooner < later, "the time law has begun: {sooner} {later}");
     for cycles in [1, 2, 10, 30, 50] {
         let mut motions = over(FASTEST);
@@ -316,8 +322,7 @@ fn a_stop_from_the_full_speed_of_a_time_optimal_motion_is_one_checked_for_its_st
 }
 
 /// The state at the end of a motion that nothing slows down, and the number of cycles until then.
-fn end_of(pace: SpeedProfile) -> (usize, MotionState) {
-    let mut motions = over(pace);
+fn end_of(mut motions: MotionSet) -> (usize, MotionState) {
     let states = (0..20_000).map(|_| step(&mut motions, false));
     let mut numbered = states.enumerate();
     numbered.find(|(_, state)| state.path.done).expect("an end")
@@ -325,7 +330,7 @@ fn end_of(pace: SpeedProfile) -> (usize, MotionState) {
 
 #[test]
 fn a_motion_that_gives_its_reserve_ends_sooner_and_pauses_later() {
-    let [(kept, _), (given, _)] = [FASTEST, FASTEST_GIVE].map(end_of);
+    let [(kept, _), (given, _)] = [FASTEST, FASTEST_GIVE].map(|pace| end_of(over(pace)));
     assert!(given < kept, "{given} {kept}");
     let slowest = [FASTEST, FASTEST_GIVE].map(|pace| {
         let mut motions = over(pace);
@@ -342,7 +347,7 @@ fn a_motion_that_gives_its_reserve_ends_sooner_and_pauses_later() {
 #[test]
 fn a_stop_at_any_time_of_a_time_optimal_motion_ends_before_its_end_or_there() {
     for pace in [FASTEST, FASTEST_GIVE] {
-        let (_, whole) = end_of(pace);
+        let (_, whole) = end_of(over(pace));
         for cycles in (1..1700).step_by(61) {
             let mut motions = over(pace);
             let mut last = step(&mut motions, false);
@@ -364,22 +369,44 @@ fn a_stop_at_any_time_of_a_time_optimal_motion_ends_before_its_end_or_there() {
 }
 
 #[test]
-fn an_even_motion_that_is_slow_says_how_much_and_why() {
-    let motions = over(SpeedProfile::Uniform);
-    let slow: Vec<_> = motions.slow().collect();
+fn a_motion_that_is_slow_because_its_speed_is_given_says_how_much_and_why() {
+    let given = |legs: &mut [Leg<'_>; 3]| {
+        for leg in legs {
+            leg.line.velocity = 0.5;
+        }
+    };
+    let of = |pace| over_with(pace, given);
+    let slow: Vec<_> = of(SpeedProfile::Adaptive).slow().collect();
     let [(0, slow)] = slow[..] else {
         panic!("{slow:?}");
     };
-    let [even_s, fastest_s] =
-        [SpeedProfile::Uniform, FASTEST].map(|pace| end_of(pace).0 as f64 * DT);
+    let [kept_s, uniform_s, fastest_s] = [SpeedProfile::Adaptive, SpeedProfile::Uniform, FASTEST]
+        .map(|pace| end_of(of(pace)).0 as f64 * DT);
+    assert_eq!(kept_s, uniform_s, "the speed is kept");
     assert!(
-        (slow.takes_s - even_s).abs() < 2.0 * DT,
-        "{slow:?} {even_s}"
+        (slow.takes_s - kept_s).abs() < 2.0 * DT,
+        "{slow:?} {kept_s}"
     );
     assert!(
-        (0.8 * fastest_s..even_s / 1.3).contains(&slow.possible_s),
+        (0.8 * fastest_s..kept_s / 1.3).contains(&slow.possible_s),
         "{slow:?} {fastest_s}"
     );
     assert!((0..3).contains(&slow.leg) && (0.0..=1.0).contains(&slow.fraction));
-    assert_eq!(over(FASTEST).slow().count(), 0);
+    for pace in [FASTEST, SpeedProfile::Uniform] {
+        assert_eq!(of(pace).slow().count(), 0, "{pace:?}");
+    }
+}
+
+#[test]
+fn without_a_given_speed_the_default_follows_a_time_law_and_reports_nothing() {
+    let motions = over(SpeedProfile::Adaptive);
+    assert_eq!(motions.slow().count(), 0);
+    let scaling: Vec<_> = motions.sections().map(|(_, it)| it.time_scaling).collect();
+    assert_eq!(scaling, [crate::TimeScaling::Adapted]);
+    let [adaptive, uniform, fastest] = [SpeedProfile::Adaptive, SpeedProfile::Uniform, FASTEST]
+        .map(|pace| end_of(over(pace)).0 as f64);
+    assert!(
+        adaptive <= 0.95 * uniform && adaptive <= 1.3 * fastest,
+        "{adaptive} cycles, uniform {uniform}, fastest {fastest}"
+    );
 }

@@ -9,7 +9,7 @@ use super::leg_shape::{BlendZone, LegShape, leg_shapes};
 use super::sampled_path::SampledPath;
 use super::slow_section::{REPORTED, SlowSection, limiting_place};
 use super::speed_limits::{self, BrakingLimits, LimitsFault, TooFast, fastest_bounds};
-use super::time_optimal::{possible_duration_s, time_optimal_law};
+use super::time_optimal::{adapted_law, possible_duration_s, time_optimal_law};
 use super::{
     ArmStart, LawStops, LegFault, MotionSection, PieceKinematics, PlannedPath, ReducedBlend,
     TimeScaling, TimedSection,
@@ -122,20 +122,19 @@ impl SampledPath<'_> {
                 section_parts.add(self, number, begin_s);
             }
             let bounds = section_parts.uniform_bounds(self.dt_s)?;
-            if matches!(pace, SpeedProfile::Uniform) {
-                slow.extend(section_parts.slow(self, range.clone(), &bounds));
-            }
             let timed = match pace {
                 SpeedProfile::Uniform => None,
+                SpeedProfile::Adaptive if section_parts.given() => {
+                    slow.extend(section_parts.slow(self, range.clone(), &bounds));
+                    None
+                }
+                SpeedProfile::Adaptive => adapted_law(self, range.clone(), &bounds),
                 SpeedProfile::TimeOptimal(reserve) => {
                     time_optimal_law(self, range.clone(), &bounds, reserve)
                 }
             };
-            let time_scaling = match &timed {
-                None => TimeScaling::Even,
-                Some(timed) if timed.improved => TimeScaling::TimeOptimal,
-                Some(_) => TimeScaling::FirstLaw,
-            };
+            let time_scaling =
+                (timed.as_ref()).map_or(TimeScaling::Even, |timed| timed.time_scaling);
             let (bounds, stops, time_law) = match timed {
                 Some(timed) => {
                     let stops = LawStops {
@@ -260,6 +259,11 @@ impl<'a> SectionParts<'a> {
         }
     }
 
+    /// Returns true if the speed of a part is given.
+    fn given(&self) -> bool {
+        self.parts.iter().any(|part| part.given)
+    }
+
     fn uniform_bounds(&self, dt_s: f64) -> Result<PathBounds, LegFault> {
         let leg = self.owners.last().map_or(0, |(_, leg, _)| *leg);
         fastest_bounds(&self.parts, &self.ends, dt_s).map_err(|refused| match refused {
@@ -280,10 +284,7 @@ impl<'a> SectionParts<'a> {
         bounds: &PathBounds,
     ) -> Option<SlowSection> {
         let takes_s = duration_s(bounds);
-        let possible_s = possible_duration_s(path, range)?;
-        if possible_s >= REPORTED * takes_s {
-            return None;
-        }
+        let possible_s = possible_duration_s(path, range, REPORTED * takes_s)?;
         let place = limiting_place(&self.parts, &self.ends, bounds)?;
         let (piece, leg, [from, to]) = self.owners.get(place.part)?;
         Some(SlowSection {

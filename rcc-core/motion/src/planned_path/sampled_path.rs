@@ -58,7 +58,9 @@ impl<'a> SampledPath<'a> {
                     tighter(&leg_shape.bounds, &next.bounds)
                 }),
                 // With the time-optimal profile the speed of a leg is a limit; otherwise it is to be kept.
-                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Uniform),
+                given: leg_shape.given
+                    && !piece.blend
+                    && !matches!(pace, SpeedProfile::TimeOptimal(_)),
                 samples,
             });
         }

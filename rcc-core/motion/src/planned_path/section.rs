@@ -33,7 +33,9 @@ pub(crate) struct MotionSection {
 pub enum TimeScaling {
     /// With one acceleration and one jerk for the whole section.
     Even,
-    /// With a time law, within the limits of every place.
+    /// With a time law that was found quickly, within the limits of every place.
+    Adapted,
+    /// With the soonest time law, within the limits of every place.
     TimeOptimal,
     /// With a first time law, which keeps the limits but is not the soonest: the method that improves it did not end.
     FirstLaw,
@@ -54,7 +56,7 @@ impl MotionSection {
     pub(crate) fn planned(&self) -> PlannedSection {
         let duration_s = match self.time_scaling {
             TimeScaling::Even => duration_s(&self.bounds),
-            TimeScaling::TimeOptimal | TimeScaling::FirstLaw => self.length,
+            TimeScaling::Adapted | TimeScaling::TimeOptimal | TimeScaling::FirstLaw => self.length,
         };
         PlannedSection {
             legs: self.legs,

@@ -1,15 +1,16 @@
-//! The time law with which a path is travelled soonest, from rest to rest, under limits of velocity, acceleration and
-//! jerk. Used when a motion is built; allocates.
+//! Time laws with which a path is travelled soonest, or nearly so, from rest to rest, under limits of velocity,
+//! acceleration and jerk. Used when a motion is built; allocates.
 //!
 //! A profile without jerk limits ([`topp_ra`]), smoothed over a window, is the first law; an interior-point method
-//! ([`barrier`]) improves it, with the reserve of `stops: keep`; with less to reserve, it then improves that law further.
-//! Both work with samples of the path. The result is then sampled closely and made slower as a whole until it keeps every
+//! ([`barrier`]) improves it, with the reserve of `stops: keep`; with less to reserve, it then improves that law further. For a law that is to be found quickly the method
+//! ends early. Both work with samples of the path. The result is then sampled closely and made slower as a whole until it keeps every
 //! limit with a margin, so keeping the limits does not depend on the method.
 
 use core::ops::Range;
 
 use rcc_core::path::{SpeedOverride, StopReserve};
 
+use super::TimeScaling;
 use super::sampled_path::{SampledPath, SampledPiece};
 use super::speed_limits::{BrakingLimits, DerivativeSample, MARGIN, QUANTITIES};
 use super::time_law::{TimeLaw, TimeLawKnot};
@@ -74,30 +75,41 @@ const ROUNDING: f64 = 1e-6;
 const PARTS: f64 = 4.0;
 const PARTS_MAX: f64 = 512.0;
 
+/// A law is searched if an estimate promises less than this fraction of the time of the even motion; the search takes longer
+/// than everything else that is planned. It is used if it takes less than the second one.
+const PROMISING: f64 = 0.8;
+const WORTHWHILE: f64 = 0.95;
+
+/// A law that is found quickly: what is reserved, so that a pause or an override takes effect soon. With 15 % it would end
+/// 2 to 10 % sooner, but take twice as long to pause.
+const ADAPTED: LawReserve = LawReserve {
+    fraction: 0.3,
+    wait_cycles: 10.0,
+};
+
 /// A time law with the limits of its clock.
-pub(super) struct TimeOptimal {
+pub(super) struct SectionLaw {
     pub(super) time_law: TimeLaw,
     pub(super) bounds: PathBounds,
     /// Limits for stops at certain times of the law.
     pub(super) on_law: Box<[BrakingLimits]>,
     /// Most cycles for which the law is followed further to one of them.
     pub(super) wait_cycles: f64,
-    /// The interior-point method improved the first law.
-    pub(super) improved: bool,
+    pub(super) time_scaling: TimeScaling,
 }
 
-/// The time law with the shortest duration, which leaves a reserve for its clock; `None` if it is not faster than the even motion with the bounds `uniform`.
+/// The time law with the shortest duration, which leaves a reserve for its clock; `None` if it is not faster than the even
+/// motion with the bounds `uniform`.
 pub(super) fn time_optimal_law(
     path: &SampledPath<'_>,
     range: Range<usize>,
     uniform: &PathBounds,
     stops: StopReserve,
-) -> Option<TimeOptimal> {
+) -> Option<SectionLaw> {
     let [kept, own] = [StopReserve::Keep, stops].map(LawReserve::of);
     let table = SectionTable::new(path, range.clone())?;
     let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
-    let even = EvenLaw::new(uniform);
-    let first = first_law(&table, &profile, even.as_ref())?;
+    let first = first_law(&table, &profile, EvenLaw::new(uniform).as_ref())?;
     let keep = reserve(path, range.clone(), &time_law(&first, 1.0)?, kept.fraction);
     let intervals = COARSE * first.law.intervals();
     let mut barrier = Barrier::new(&table, keep, first.law.clone())?;
@@ -107,39 +119,109 @@ pub(super) fn time_optimal_law(
         barrier = Barrier::new(&table, keep, first.law)?;
     }
     let reserve = keep.times(own.fraction / kept.fraction);
-    let soonest = |barrier: &Barrier<'_>| {
-        let speed = speed(path, range.clone(), &time_law(barrier, 1.0)?, reserve);
-        Some((time_law(barrier, speed)?, speed))
-    };
-    let (mut time_law, mut speed) = soonest(&barrier)?;
+    let soonest = |barrier: &Barrier<'_>| soonest((path, range.clone()), barrier, reserve);
+    let mut law = soonest(&barrier)?;
     // There are several local optima: a separate search with a lesser reserve may end in a worse one. The law with the
     // greatest reserve is within every lesser one, so what begins with it never takes longer.
     if own.fraction < kept.fraction
         && let Some(relaxed) = barrier.relaxed(reserve).as_ref().and_then(soonest)
-        && relaxed.0.duration() < time_law.duration()
+        && relaxed.0.duration() < law.0.duration()
     {
-        (time_law, speed) = relaxed;
+        law = relaxed;
     }
-    let clock = reserve.at_speed(speed);
-    let bounds = clock_bounds(time_law.duration(), clock, path.dt_s)?;
-    (time_law.duration() < duration_s(uniform)).then(|| TimeOptimal {
+    let time_scaling = match improved {
+        true => TimeScaling::TimeOptimal,
+        false => TimeScaling::FirstLaw,
+    };
+    let sooner = law.0.duration() < duration_s(uniform);
+    sooner
+        .then(|| section_law((path, range), law, own.wait_cycles, time_scaling))
+        .flatten()
+}
+
+/// Compares the even motion with the bounds `uniform` with a time law that is found quickly and is nearly the soonest:
+/// returns it if it is sooner by [`WORTHWHILE`].
+pub(super) fn adapted_law(
+    path: &SampledPath<'_>,
+    range: Range<usize>,
+    uniform: &PathBounds,
+) -> Option<SectionLaw> {
+    let table = SectionTable::new(path, range.clone())?;
+    let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
+    let even_s = duration_s(uniform);
+    // An acceleration builds up at least once.
+    if profile.duration_s() + table.ramp_s() >= PROMISING * even_s {
+        return None;
+    }
+    let first = first_law(&table, &profile, EvenLaw::new(uniform).as_ref())?;
+    let reserve = reserve(
+        path,
+        range.clone(),
+        &time_law(&first, 1.0)?,
+        ADAPTED.fraction,
+    );
+    let mut barrier = Barrier::new(&table, reserve, first.law)?;
+    barrier.improve_quickly();
+    let law = soonest((path, range.clone()), &barrier, reserve)?;
+    let sooner = law.0.duration() < WORTHWHILE * even_s;
+    sooner
+        .then(|| {
+            section_law(
+                (path, range),
+                law,
+                ADAPTED.wait_cycles,
+                TimeScaling::Adapted,
+            )
+        })
+        .flatten()
+}
+
+/// A duration with which the path can be travelled within its limits, with nothing reserved, if it is below `below_s`, s: not
+/// the shortest one, but found quickly.
+pub(super) fn possible_duration_s(
+    path: &SampledPath<'_>,
+    range: Range<usize>,
+    below_s: f64,
+) -> Option<f64> {
+    let table = SectionTable::new(path, range.clone())?;
+    let profile = AccelerationProfile::new(&constraints(path, range))?;
+    if profile.duration_s() >= below_s {
+        return None;
+    }
+    let possible_s = first_law(&table, &profile, None)?.duration_s();
+    (possible_s < below_s).then_some(possible_s)
+}
+
+/// A law and the limits of its clock.
+type LawAndClock = (TimeLaw, ClockReserve);
+
+/// The law as fast as its limits and the reserve for its clock allow.
+fn soonest(
+    (path, range): (&SampledPath<'_>, Range<usize>),
+    barrier: &Barrier<'_>,
+    reserve: ClockReserve,
+) -> Option<LawAndClock> {
+    let speed = speed(path, range, &time_law(barrier, 1.0)?, reserve);
+    Some((time_law(barrier, speed)?, reserve.at_speed(speed)))
+}
+
+/// The law with the limits of its clock and with those for stops.
+fn section_law(
+    (path, range): (&SampledPath<'_>, Range<usize>),
+    (time_law, clock): LawAndClock,
+    wait_cycles: f64,
+    time_scaling: TimeScaling,
+) -> Option<SectionLaw> {
+    Some(SectionLaw {
+        bounds: clock_bounds(time_law.duration(), clock, path.dt_s)?,
         on_law: law_stops::law_stops(path, range, &time_law),
-        wait_cycles: own.wait_cycles,
+        wait_cycles,
         time_law,
-        bounds,
-        improved,
+        time_scaling,
     })
 }
 
-/// A duration with which the path can be travelled within its limits, with nothing reserved, s: not the shortest one, but
-/// found quickly.
-pub(super) fn possible_duration_s(path: &SampledPath<'_>, range: Range<usize>) -> Option<f64> {
-    let table = SectionTable::new(path, range.clone())?;
-    let profile = AccelerationProfile::new(&constraints(path, range))?;
-    first_law(&table, &profile, None).map(|law| law.duration_s())
-}
-
-/// The soonest of the smoothed profiles and the even motion.
+/// The soonest of the smoothed profiles without jerk limits and the even motion.
 fn first_law<'a>(
     table: &'a SectionTable<'a>,
     profile: &AccelerationProfile,

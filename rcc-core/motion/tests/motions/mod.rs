@@ -192,19 +192,26 @@ struct DrawnMotion {
     dt_s: f64,
 }
 
+/// Profiles of the kinds that are not time-optimal.
+pub const PACES: [SpeedProfile; 2] = [SpeedProfile::Uniform, SpeedProfile::Adaptive];
+
+/// All kinds with their profiles.
+pub fn kinds_and_paces() -> impl Iterator<Item = (MotionKind, SpeedProfile)> {
+    KINDS.into_iter().flat_map(|kind| match kind {
+        MotionKind::Fastest => vec![(kind, SpeedProfile::TimeOptimal(StopReserve::Keep))],
+        MotionKind::FastestGive => vec![(kind, SpeedProfile::TimeOptimal(StopReserve::Give))],
+        _ => PACES.map(|pace| (kind, pace)).to_vec(),
+    })
+}
+
 /// Builds, runs and checks the motion of this seed.
 #[must_use]
-pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
+pub fn case((kind, pace): (MotionKind, SpeedProfile), robot: &TestRobot, seed: u64) -> RunOutcome {
     let mut random = SplitMix64(seed ^ (kind as u64) << 60);
     let Some(drawn) = draw(robot, &mut random) else {
         return RunOutcome::Refused;
     };
     let legs = legs(kind, &drawn, &mut random);
-    let pace = match kind {
-        MotionKind::Fastest => SpeedProfile::TimeOptimal(StopReserve::Keep),
-        MotionKind::FastestGive => SpeedProfile::TimeOptimal(StopReserve::Give),
-        _ => SpeedProfile::Uniform,
-    };
     let Some(motion) = build(robot, (&drawn, &legs), pace) else {
         return RunOutcome::Refused;
     };
@@ -253,15 +260,16 @@ fn crawls(mut motion: MotionSet) -> bool {
     states.all(|state| state.is_some_and(|state| !state.path.done))
 }
 
-/// Durations of the motion of this seed with the uniform and the time-optimal profile, s, and the time to build each,
-/// s; `None` if it cannot be built.
+/// Durations of the motion of this seed with the uniform, the adaptive and the time-optimal profile, s, and the time to
+/// build each, s; `None` if it cannot be built.
 #[must_use]
-pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
+pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64; 3], [f64; 3])> {
     let (drawn, mut random) = unbound(kind, robot, seed)?;
     let legs = legs(kind, &drawn, &mut random);
-    let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
+    let (mut times_s, mut built_s) = ([0.0; 3], [0.0; 3]);
     let paces = [
         SpeedProfile::Uniform,
+        SpeedProfile::Adaptive,
         SpeedProfile::TimeOptimal(StopReserve::Keep),
     ];
     for (index, pace) in paces.into_iter().enumerate() {

@@ -26,12 +26,12 @@ pub struct Sampled {
     pub path: Vec<Vec<PathSample>>,
     /// Clock value and joints in each cycle of the same sections, time-optimal.
     pub fastest: Vec<Vec<PathSample>>,
-    /// Duration with the uniform profile and the time-optimal ones that keep and give their reserve, s.
+    /// Duration with the default profile and the time-optimal ones that keep and give their reserve, s.
     pub times_s: [f64; 3],
-    /// Duration with the first two of them and a jerk limit that is `jerk` times as high, s.
-    pub loose_s: [f64; 2],
-    /// With each time-optimal profile: the time to rest after a stop and after a pause, at [`HALTS`] times of the motion, s.
-    pub halts_s: [[Vec<f64>; 2]; 2],
+    /// Duration with the second of them and a jerk limit that is `jerk` times as high, s.
+    pub loose_s: f64,
+    /// With each of these profiles: the time to rest after a stop and after a pause, at [`HALTS`] times of the motion, s.
+    pub halts_s: [[Vec<f64>; 2]; 3],
 }
 
 /// The motion of this seed, also with a jerk limit that is `jerk` times as high; `None` if it cannot be built.
@@ -49,10 +49,10 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         Some((duration_s(&run, drawn.dt_s), run, motion))
     };
     let [keep, give] = [StopReserve::Keep, StopReserve::Give].map(SpeedProfile::TimeOptimal);
-    let (uniform_s, ..) = run(robot, SpeedProfile::Uniform)?;
+    let (adaptive_s, _, adapted) = run(robot, SpeedProfile::Adaptive)?;
     let (fastest_s, fastest, kept) = run(robot, keep)?;
     let (give_s, _, given) = run(robot, give)?;
-    let loose_s = [run(&loose, SpeedProfile::Uniform)?.0, run(&loose, keep)?.0];
+    let loose_s = run(&loose, keep)?.0;
     let halts_s = |motion: &MotionSet, duration_s: f64| {
         let cycles = (duration_s / drawn.dt_s) as usize;
         let times = || (0..HALTS).map(|number| cycles * (2 * number + 1) / (2 * HALTS));
@@ -66,7 +66,12 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
             durations(SpeedOverride::PAUSE)?,
         ])
     };
-    let halts_s = [halts_s(&kept, fastest_s)?, halts_s(&given, give_s)?];
+    let halts_s = [
+        halts_s(&adapted, adaptive_s)?,
+        halts_s(&kept, fastest_s)?,
+        halts_s(&given, give_s)?,
+    ];
+    let (uniform_s, ..) = run(robot, SpeedProfile::Uniform)?;
     let slowly = SpeedOverride {
         speed: (uniform_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
@@ -85,7 +90,7 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         limits: rows.map(|row| row.map(|limit| limit * drawn.scale)),
         path: path.into_iter().map(apart).collect(),
         fastest,
-        times_s: [uniform_s, fastest_s, give_s],
+        times_s: [adaptive_s, fastest_s, give_s],
         loose_s,
         halts_s,
     })

@@ -247,7 +247,7 @@ pub(super) fn pace(
     match (preparation.get(time_optimal), preparation.get(stops)) {
         (1, 1) => SpeedProfile::TimeOptimal(StopReserve::Give),
         (1, _) => SpeedProfile::TimeOptimal(StopReserve::Keep),
-        _ => SpeedProfile::Uniform,
+        _ => SpeedProfile::Adaptive,
     }
 }
 
@@ -299,7 +299,7 @@ pub(super) const FLANGE: [Parameter; 6] = [
     limit(
         "velocity",
         Unit::METRE_PER_SECOND,
-        "speed along the path: guaranteed, or the motion is refused; if omitted, as fast as the joints allow",
+        "speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path",
     ),
     limit(
         "acceleration",

@@ -26,6 +26,9 @@ const REACH: [f64; 2] = [0.35, 1.4];
 const GAP_FIRST: f64 = 3.0;
 const GAP_LAST: f64 = 0.003;
 
+/// The same for a law that is to be found quickly.
+const GAPS_QUICK: [f64; 2] = [0.3, 0.1];
+
 /// The same at the beginning for a law that was improved with a greater reserve.
 const GAP_RELAXED: f64 = 0.1;
 
@@ -107,6 +110,13 @@ impl<'a> Barrier<'a> {
                 self.theta = self.within_limits(REFINED)?;
             }
             gap = GAP_LAST / GAP_FACTOR;
+        }
+    }
+
+    /// Improves the law with its number of intervals and few μ.
+    pub(super) fn improve_quickly(&mut self) {
+        for gap in GAPS_QUICK {
+            self.newton(gap / self.count());
         }
     }
 
