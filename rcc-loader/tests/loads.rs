@@ -62,9 +62,9 @@ fn a_reservation_whose_answer_came_too_late_is_rejected_after_a_while() {
     service.list().expect("a list");
     executor.hold(true);
     let soon = Caller::until(Some(Instant::now() + Duration::from_millis(50)));
-    assert!(service.reserve(&soon, TEXT.to_owned()).is_err());
+    assert!(service.reserve(&soon, TEXT).is_err());
     executor.hold(false);
-    let known = service.reserve(&Caller::default(), TEXT.to_owned());
+    let known = service.reserve(&Caller::default(), TEXT);
     let is_reject = |call: &Call| matches!(call, Call::Reject { .. });
     service.reject_unclaimed(Duration::from_secs(3600));
     assert_eq!(executor.count(is_reject), 0, "it may still be on its way");

@@ -29,7 +29,7 @@ use rcc_loader::server::caller::Caller;
 use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::CommandStore;
 use rcc_protocol::control::{Call, Refusal};
-use test_server::{TestServer, ask, config, service};
+use test_server::{TestServer, ask, config, install, service};
 
 /// Returns a caller without a deadline.
 fn without_deadline() -> Caller {
@@ -47,7 +47,7 @@ fn a_net_is_named_before_the_executor_has_its_plan() {
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
     let id = service
-        .reserve(&without_deadline(), line())
+        .reserve(&without_deadline(), &line())
         .expect("a row is free");
     assert_eq!(
         service
@@ -55,7 +55,7 @@ fn a_net_is_named_before_the_executor_has_its_plan() {
             .map(|d| d.command.state),
         Ok("loading".into())
     );
-    service.install(id, "line.yaml");
+    install(&service, id, &line(), "line.yaml");
     assert!(executor.seen.lock().expect("seen").named_before_install);
     let detail = service.detail("line", true).expect("found by its name");
     assert_eq!(
@@ -73,9 +73,9 @@ fn a_text_with_errors_is_rejected_and_keeps_its_diagnostics() {
     let _executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
     let id = service
-        .reserve(&without_deadline(), "net: broken\n".to_owned())
+        .reserve(&without_deadline(), "net: broken\n")
         .expect("a row is free");
-    service.install(id, "broken.yaml");
+    install(&service, id, "net: broken\n", "broken.yaml");
     let command = service
         .detail("broken", true)
         .expect("found by its name")
@@ -139,9 +139,9 @@ fn a_refused_plan_reports_the_executors_reason_with_names() {
     let _executor = FakeExecutor::start(&test.cell, &[], Some(refusal));
     let service = service(&test.cell);
     let id = service
-        .reserve(&without_deadline(), line())
+        .reserve(&without_deadline(), &line())
         .expect("a row is free");
-    service.install(id, "line.yaml");
+    install(&service, id, &line(), "line.yaml");
     let command = service
         .detail(&id.to_string(), true)
         .expect("there")
@@ -179,7 +179,7 @@ fn a_loader_does_not_reject_what_it_loads_itself_while_it_attaches() {
     executor.hold(true);
     std::thread::scope(|scope| {
         let attaches = scope.spawn(|| service.list());
-        let loads = scope.spawn(|| service.reserve(&without_deadline(), line()));
+        let loads = scope.spawn(|| service.reserve(&without_deadline(), &line()));
         // Its command is in the executor's table, but it does not know the id yet.
         executor.wait_for_calls(1, |_| true);
         assert!(attaches.join().expect("no panic").is_ok());
@@ -376,9 +376,9 @@ fn an_unloaded_net_leaves_no_file() {
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
     let id = service
-        .reserve(&without_deadline(), line())
+        .reserve(&without_deadline(), &line())
         .expect("a row is free");
-    service.install(id, "line.yaml");
+    install(&service, id, &line(), "line.yaml");
     let refused = service
         .operate(&without_deadline(), "line", Operation::Cancel)
         .map_err(|error| error.code);

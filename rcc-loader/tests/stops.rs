@@ -24,7 +24,7 @@ use rcc_loader::server::connection::UNIX;
 use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::CommandStore;
 use rcc_protocol::control::Call;
-use test_server::{LIMIT, TestServer, answer, ask, service};
+use test_server::{LIMIT, TestServer, answer, ask, install, service};
 
 fn line() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/nets/line.yaml");
@@ -73,9 +73,9 @@ fn requests_by_name_need_no_file() {
     let executor = commands(&test, &rows);
     let service = service(&test.cell);
     let id = service
-        .reserve(&Caller::default(), line())
+        .reserve(&Caller::default(), &line())
         .expect("a row is free");
-    service.install(id, "line.yaml");
+    install(&service, id, &line(), "line.yaml");
     std::fs::remove_dir_all(test.cell.commands_dir()).expect("removed");
     let names: Vec<String> = service
         .list()
@@ -106,12 +106,12 @@ fn an_abort_does_not_wait_for_a_load_that_the_executor_has_not_answered() {
     let executor = commands(&test, &[(4, CommandState::Running, "weld")]);
     let service = Arc::new(service(&test.cell));
     let id = service
-        .reserve(&Caller::default(), line())
+        .reserve(&Caller::default(), &line())
         .expect("a row is free");
     executor.hold(true);
     let loading = {
         let service = Arc::clone(&service);
-        std::thread::spawn(move || service.install(id, "line.yaml"))
+        std::thread::spawn(move || install(&service, id, &line(), "line.yaml"))
     };
     executor.wait_for_calls(1, |call| matches!(call, Call::Install { .. }));
     let done = service.operate(&Caller::default(), "weld", Operation::Abort);

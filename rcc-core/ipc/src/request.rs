@@ -41,12 +41,11 @@ const MESSAGE_MAX: usize = 4 << 10;
 const ANSWERS_MAX: usize = 16;
 /// Shared memory of a client or server, bytes; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
-/// First and last polling interval of a client that waits for an answer; the interval doubles each time, but is at most
-/// [`POLL_SOON`] during [`SOON`], in which an answer of the next cycle comes.
-const POLL_FIRST: Duration = Duration::from_micros(20);
-const POLL_SOON: Duration = Duration::from_micros(100);
+/// Shortest and longest polling interval of a client that waits for an answer. In between it is this fraction of the time
+/// already waited, so that an answer is noticed little later than it arrives.
+const POLL_FIRST: Duration = Duration::from_micros(50);
 const POLL_LAST: Duration = Duration::from_millis(1);
-const SOON: Duration = Duration::from_millis(3);
+const POLL_FRACTION: u32 = 16;
 /// Interval at which a waiting client checks whether the server's process is alive.
 const LIFE_CHECK: Duration = Duration::from_millis(20);
 
@@ -337,7 +336,6 @@ impl Client {
         let started = Instant::now();
         // The file of a long request stays until the answer arrives or is no longer awaited.
         let (pending, _file) = self.send(request)?;
-        let mut pause = POLL_FIRST;
         let mut life_checked = started;
         loop {
             // In this order: the answer may arrive between the two checks.
@@ -364,9 +362,8 @@ impl Client {
                     waited: timeout,
                 });
             }
-            std::thread::sleep(pause);
-            let is_soon = now.duration_since(started) < SOON;
-            pause = (pause * 2).min(if is_soon { POLL_SOON } else { POLL_LAST });
+            let pause = now.duration_since(started) / POLL_FRACTION;
+            std::thread::sleep(pause.clamp(POLL_FIRST, POLL_LAST));
         }
     }
 

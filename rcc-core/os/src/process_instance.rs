@@ -1,8 +1,8 @@
 //! One incarnation of a process, identified by its process id and start time. Runs on threads that may read /proc (not
 //! the real-time ones).
 
-use std::fs;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use nix::errno::Errno;
@@ -107,6 +107,9 @@ impl Liveness {
     }
 }
 
+/// More bytes than `/proc/<pid>/stat` has: 52 numbers and a name of at most 64 bytes.
+const STAT_MAX: usize = 2048;
+
 struct Stat {
     start_time_ticks: u64,
     runs: bool,
@@ -122,7 +125,7 @@ fn stat_of(pid: u32) -> io::Result<Option<Stat>> {
         return Ok(None);
     }
     let path = format!("/proc/{pid}/stat");
-    match fs::read_to_string(&path) {
+    match read_stat(&path) {
         Ok(text) => match parse(&text) {
             Some(stat) => Ok(Some(stat)),
             None => Err(io::Error::new(
@@ -134,6 +137,13 @@ fn stat_of(pid: u32) -> io::Result<Option<Stat>> {
         Err(error) if exists(pid)? => Err(io::Error::new(error.kind(), format!("{path}: {error}"))),
         Err(_) => Ok(None),
     }
+}
+
+/// Reads the line at once, because the kernel makes it anew for every piece that is read.
+fn read_stat(path: &str) -> io::Result<String> {
+    let mut line = [0; STAT_MAX];
+    let length = File::open(path)?.read(&mut line)?;
+    Ok(String::from_utf8_lossy(&line[..length]).into_owned())
 }
 
 /// Returns whether the kernel knows a process with this id, running or not yet waited for.

@@ -63,8 +63,6 @@ pub struct Service {
     /// Commands that this process is loading; with them a restarted loader tells its own commands from those of a dead
     /// loader.
     loading: Published<BTreeMap<u64, Arc<CommandSummary>>>,
-    /// Their texts, until they are compiled.
-    texts: Mutex<BTreeMap<u64, String>>,
     /// Commands that are `loading` in the executor's table and that this process is not loading.
     unclaimed: Mutex<maintenance::UnclaimedCommands>,
     recorder: Option<EventRecorder>,
@@ -148,7 +146,6 @@ impl Service {
             devices: DeviceTable::from(&config),
             config,
             loading: Published::default(),
-            texts: Mutex::default(),
             unclaimed: Mutex::default(),
             recorder: None,
             helpers: Helpers::default(),

@@ -24,12 +24,12 @@ fn rule(when: &str) -> RuleBody {
 
 /// Loads `grip` and `line`; returns their ids.
 fn loaded(service: &rcc_loader::server::service::Service) -> (u64, u64) {
-    let load = |text: String| {
+    let load = |text: &str| {
         let id = service.reserve(&without_deadline(), text).expect("a row");
-        service.install(id, "net.yaml");
+        install(service, id, text, "net.yaml");
         id
     };
-    (load(GRIP.to_owned()), load(line()))
+    (load(GRIP), load(&line()))
 }
 
 fn installed(executor: &FakeExecutor) -> Vec<Rule> {

@@ -153,3 +153,9 @@ pub fn answer(mut stream: impl Read) -> (u16, Value) {
         serde_json::from_str(body).unwrap_or_default(),
     )
 }
+
+/// Compiles a text and installs it under this id.
+pub fn install(service: &Service, id: u64, text: &str, file: &str) {
+    let compiled = service.compile(text, file);
+    service.install(id, text.to_owned(), compiled);
+}

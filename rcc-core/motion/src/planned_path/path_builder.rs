@@ -284,6 +284,10 @@ impl<'a> SectionParts<'a> {
         bounds: &PathBounds,
     ) -> Option<SlowSection> {
         let takes_s = duration_s(bounds);
+        // A law does not exceed the given speed either.
+        if speed_limits::at_given_speed_s(&self.parts, &self.ends) >= REPORTED * takes_s {
+            return None;
+        }
         let possible_s = possible_duration_s(path, range, REPORTED * takes_s)?;
         let place = limiting_place(&self.parts, &self.ends, bounds)?;
         let (piece, leg, [from, to]) = self.owners.get(place.part)?;

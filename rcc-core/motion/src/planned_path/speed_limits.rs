@@ -174,6 +174,14 @@ fn given_speed(part: &SampledPart) -> f64 {
         .fold(f64::INFINITY, least)
 }
 
+/// The time that parts with a given speed take at that speed, s; the parts end at `ends`.
+pub(super) fn at_given_speed_s(parts: &[SampledPart], ends: &[f64]) -> f64 {
+    let begins = core::iter::once(&0.0).chain(ends);
+    let lengths = begins.zip(ends).map(|(begin, end)| end - begin);
+    let given = parts.iter().zip(lengths).filter(|(part, _)| part.given);
+    given.map(|(part, length)| length / given_speed(part)).sum()
+}
+
 /// The lesser of two values; a NaN (no limit times 0) counts as no limit.
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }

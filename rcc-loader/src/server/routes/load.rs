@@ -119,7 +119,8 @@ fn turns_of(state: &ServerState, bytes: usize) -> Arc<FairQueue> {
     })
 }
 
-/// Reserves an id, answers, and compiles the text. Returns whether the net became ready or rejected.
+/// Reserves an id and answers, and compiles the text meanwhile, because an id takes a cycle of the executor. Returns whether
+/// the net became ready or rejected.
 async fn load_text(
     state: ServerState,
     (caller, peer): (Caller, ClientPeer),
@@ -127,10 +128,27 @@ async fn load_text(
     answer: oneshot::Sender<Result<u64, ApiError>>,
 ) -> CommandState {
     let turns = turns_of(&state, body.len());
-    let reserve = move |service: &Service| service.reserve(&caller, text_of(body, "the text is")?);
-    let reserved = blocking(state.clone(), reserve).await;
-    let id = reserved.as_ref().ok().copied();
-    let is_awaited = answer.send(reserved).is_ok();
+    let text = match text_of(body, "the text is") {
+        Ok(text) => Arc::new(text),
+        Err(error) => {
+            let _ = answer.send(Err(error));
+            return CommandState::Rejected;
+        }
+    };
+    let reserving = async {
+        let text = Arc::clone(&text);
+        let reserve = move |service: &Service| service.reserve(&caller, &text);
+        let reserved = blocking(state.clone(), reserve).await;
+        let id = reserved.as_ref().ok().copied();
+        (id, answer.send(reserved).is_ok())
+    };
+    let compiling = async {
+        let turn = turns.take(peer).await;
+        let (service, text) = (Arc::clone(&state.service), Arc::clone(&text));
+        let compiled = tokio::task::spawn_blocking(move || service.compile(&text, &file));
+        (compiled.await, turn)
+    };
+    let ((id, is_awaited), (compiled, _turn)) = tokio::join!(reserving, compiling);
     let Some(id) = id else {
         return CommandState::Rejected;
     };
@@ -140,9 +158,14 @@ async fn load_text(
         let _ = tokio::task::spawn_blocking(move || service.discard(id)).await;
         return CommandState::Rejected;
     }
-    let _turn = turns.take(peer).await;
-    let compiled = tokio::task::spawn_blocking(move || service.install(id, &file));
-    match compiled.await {
+    let installed = match compiled {
+        Ok(compiled) => {
+            let text = Arc::unwrap_or_clone(text);
+            tokio::task::spawn_blocking(move || service.install(id, text, compiled)).await
+        }
+        Err(error) => Err(error),
+    };
+    match installed {
         Ok(state) => state,
         Err(error) => {
             tracing::error!(id, %error, "a load panicked");

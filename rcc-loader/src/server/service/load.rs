@@ -1,8 +1,7 @@
 //! LOAD: reserves an id for a text, compiles it, and hands the plan to the executor; rejects what a dead loader was
 //! loading. Run by blocking threads of the server.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::sync::{Arc, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use rcc_api::bodies::Finding;
@@ -20,6 +19,9 @@ use crate::server::caller::Caller;
 use crate::server::command_summary::CommandSummary;
 use crate::server::executor::ExecutorConnection;
 use crate::server::store::{self, CommandStore, StoreError};
+
+/// A net, or why a text is not one.
+pub type CompiledText = Result<Compiled, Vec<Finding>>;
 
 /// Returns the commands in the state `loading`. Before this loader has reserved an id, they are those of a dead loader.
 pub(super) fn orphans(attached: &ExecutorConnection) -> Vec<u64> {
@@ -60,7 +62,6 @@ impl Service {
 
     /// Gives back an id whose client stopped waiting before it was told; nothing was loaded.
     pub fn discard(&self, id: u64) {
-        self.texts().remove(&id);
         self.loading.change(|loading| loading.remove(&id));
         // If either fails, the executor is gone or `maintain` finds the row.
         let freed = self
@@ -75,7 +76,6 @@ impl Service {
 
     /// Rejects a command whose load panicked.
     pub fn fail(&self, id: u64) {
-        self.texts().remove(&id);
         self.loading.change(|loading| loading.remove(&id));
         let failed = ApiError::new(
             codes::PROCESS_FAILED,
@@ -87,11 +87,11 @@ impl Service {
         }
     }
 
-    /// First half of LOAD: reserves an id for the text. The second half is [`Service::install`].
+    /// First part of LOAD: reserves an id for the text. [`Service::compile`] may run meanwhile, then [`Service::install`].
     ///
     /// # Errors
     /// Returns an error if there is no executor, its table is full, or there is no room for the command's file.
-    pub fn reserve(&self, caller: &Caller, text: String) -> Result<u64, ApiError> {
+    pub fn reserve(&self, caller: &Caller, text: &str) -> Result<u64, ApiError> {
         let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
         store
@@ -100,11 +100,10 @@ impl Service {
         match self.executor.call_for(caller, &Call::Reserve)? {
             Answer::Reserved { id } => {
                 let summary = Arc::new(CommandSummary {
-                    net: compile::name_of(&text),
+                    net: compile::name_of(text),
                     loaded_at: seconds_now(),
                     ..CommandSummary::default()
                 });
-                self.texts().insert(id, text);
                 self.loading.change(|loading| loading.insert(id, summary));
                 Ok(id)
             }
@@ -115,10 +114,15 @@ impl Service {
         }
     }
 
-    /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. Returns whether the command
-    /// became ready or rejected; its file contains the errors.
-    pub fn install(&self, id: u64, file_name: &str) -> CommandState {
-        let text = self.texts().remove(&id).unwrap_or_default();
+    /// Compiles a text; `file_name` appears in the findings.
+    #[must_use]
+    pub fn compile(&self, text: &str, file_name: &str) -> CompiledText {
+        compile::compile(text, file_name, &self.devices)
+    }
+
+    /// Last part of LOAD: writes the names, and hands the plan over. Returns whether the command became ready or
+    /// rejected; its file contains the errors.
+    pub fn install(&self, id: u64, text: String, compiled: CompiledText) -> CommandState {
         let summary = self.loading.get().get(&id).map(Arc::clone);
         let file = summary.map_or_else(CommandFile::default, |loading| CommandFile {
             id,
@@ -127,7 +131,7 @@ impl Service {
             loaded_at: loading.loaded_at,
             ..CommandFile::default()
         });
-        let state = self.try_install(id, file, file_name);
+        let state = self.try_install(id, file, compiled);
         let state = state.unwrap_or_else(|error| {
             tracing::warn!(
                 id,
@@ -140,11 +144,6 @@ impl Service {
         });
         self.loading.change(|loading| loading.remove(&id));
         state
-    }
-
-    fn texts(&self) -> MutexGuard<'_, BTreeMap<u64, String>> {
-        // A panic between two insertions leaves the map intact.
-        self.texts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn record_rejected(&self, id: u64, first: &Finding, count: usize) {
@@ -186,7 +185,7 @@ impl Service {
         &self,
         id: u64,
         mut file: CommandFile,
-        name: &str,
+        compiled: CompiledText,
     ) -> Result<CommandState, ApiError> {
         let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
@@ -201,7 +200,7 @@ impl Service {
             topics,
             primitives,
             ..
-        } = match compile::compile(&file.text, name, &self.devices) {
+        } = match compiled {
             Ok(compiled) => compiled,
             Err(diagnostics) => {
                 let errors = diagnostics.iter().filter(|row| row.severity == "error");
