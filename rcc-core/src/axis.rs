@@ -10,9 +10,11 @@ use serde::{Deserialize, Serialize};
 
 mod follower;
 mod slots;
+mod together;
 
 pub use follower::{AXIS_WORDS, AxisFollower};
 pub use slots::{AxisSlot, axes, continued, is_new, rest_at, share_of, step_axis};
+pub use together::{AxisTask, plan_together};
 
 /// Maximum number of phases of a motion: two or three to brake into the limits, seven to the goal.
 pub const PHASES_MAX: usize = 10;

@@ -14,7 +14,7 @@ pub use legs::{
     PathSegment, RelativeTo, SpeedProfile, StopReserve,
 };
 
-use crate::axis::{AxisState, Phases, stop_and_go};
+use crate::axis::{AxisState, AxisTask, Phases, plan_together, stop_and_go};
 use crate::joints::Joints;
 use crate::pose::Pose;
 
@@ -134,6 +134,9 @@ pub trait Motions {
 
     /// Plans the motion of one axis from any state to rest at `goal`, as fast as `limits` allow; stores nothing.
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases;
+
+    /// Plans the motions of several axes that end at the same time; see [`plan_together`]. Stores nothing.
+    fn plan_axes(&mut self, tasks: &[AxisTask], ways: &mut [Phases]);
 }
 
 impl Motions for () {
@@ -146,6 +149,17 @@ impl Motions for () {
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         stop_and_go(from, goal, limits)
     }
+
+    /// Without a planner: as above.
+    fn plan_axes(&mut self, tasks: &[AxisTask], ways: &mut [Phases]) {
+        stop_and_go_together(tasks, ways);
+    }
+}
+
+/// Plans as [`plan_together`], with stops first where an axis moves.
+pub(crate) fn stop_and_go_together(tasks: &[AxisTask], ways: &mut [Phases]) {
+    let soonest = |task: &AxisTask| stop_and_go(&task.from, task.goal, &task.limits);
+    plan_together(tasks, ways, soonest, |_, _| None);
 }
 
 /// Builds the motions of a net that is being prepared; off the real-time thread.

@@ -8,10 +8,13 @@
 
 use std::cmp::Ordering;
 
-use rcc_core::axis::{AxisState, Phases, limits_are_valid, rest_to_rest, stop_and_go, to_velocity};
+use rcc_core::axis::{
+    AxisState, AxisTask, Phases, limits_are_valid, rest_to_rest, stop_and_go, to_velocity,
+};
 use rcc_core::path::MotionLimits;
 use rsruckig::block::Block;
 use rsruckig::position_third_step1::PositionThirdOrderStep1;
+use rsruckig::position_third_step2::PositionThirdOrderStep2;
 use rsruckig::prelude::Profile;
 use thiserror::Error;
 
@@ -128,6 +131,38 @@ pub fn plan_to(
     }
 }
 
+/// Plans the motion of a task that takes `duration_s` (s); `None` if rsruckig finds none that keeps the limits.
+#[must_use]
+pub fn plan_lasting(task: &AxisTask, duration_s: f64) -> Option<Phases> {
+    let beginning = task.from.position;
+    let from = AxisState {
+        position: 0.0,
+        ..task.from
+    };
+    let to = AxisState::at_rest(task.goal - beginning);
+    if !(limits_are_valid(&task.limits) && from.is_finite() && to.is_finite()) {
+        return None;
+    }
+    let problem = GoalProblem::lasting(&from, &to, &task.limits, duration_s);
+    let ScaledProblem {
+        from: (v0, a0),
+        to: (vf, af),
+        way,
+        limits: [v, a, j],
+    } = problem.scaled;
+    let mut profile = Profile::default();
+    profile.set_boundary(0.0, v0, a0, way, vf, af);
+    let (p0, v0, a0) = braked(&mut profile, [v0, a0], [v, a, j]);
+    let left = duration_s / problem.unit_s - profile.brake.duration;
+    let mut step = PositionThirdOrderStep2::new(left, p0, v0, a0, way, vf, af, v, -v, a, -a, j);
+    if !step.get_profile(&mut profile) {
+        return None;
+    }
+    let phases = problem.phases(&profile, task.limits.jerk);
+    let lasts = (phases.duration_s() - duration_s).abs() <= TOLERANCE * duration_s;
+    (lasts && keeps(&phases, &from, &to, &task.limits)).then_some(phases)
+}
+
 /// Returns true if a motion that begins beyond the velocity limit, or cannot avoid it, stays beyond it for longer than the
 /// fastest change to the limit takes.
 fn exceeds_longer(way: &Phases, from: &AxisState, limits: &MotionLimits) -> bool {
@@ -214,34 +249,23 @@ fn fastest(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Ph
     } = task.scaled;
     let mut profile = Profile::default();
     profile.set_boundary(0.0, v0, a0, way, vf, af);
-    let Profile {
-        brake,
-        p,
-        v: vs,
-        a: accelerations,
-        ..
-    } = &mut profile;
-    brake.get_position_brake_trajectory(v0, a0, v, -v, a, -a, j);
-    let ([p0, ..], [v0, ..], [a0, ..]) = (p, vs, accelerations);
-    brake.finalize(p0, v0, a0);
-    let mut step = PositionThirdOrderStep1::new(*p0, *v0, *a0, way, vf, af, v, -v, a, -a, j);
+    let (p0, v0, a0) = braked(&mut profile, [v0, a0], [v, a, j]);
+    let mut step = PositionThirdOrderStep1::new(p0, v0, a0, way, vf, af, v, -v, a, -a, j);
     let mut block = Block::default();
     if !step.get_profile(&profile, &mut block) {
         return None;
     }
-    let Profile {
-        brake, t, j: jerks, ..
-    } = block.p_min;
-    let mut phases = Phases::default();
-    let durations = brake.t.into_iter().chain(t);
-    let jerks = brake.j.into_iter().chain(jerks);
-    for (place, (duration, jerk)) in phases.0.iter_mut().zip(durations.zip(jerks)) {
-        *place = (duration * task.unit_s, limits.jerk * (jerk / j));
-    }
-    if let Some((duration_s, _)) = phases.0.get_mut(CRUISE) {
-        *duration_s += task.cut_s;
-    }
-    Some(phases)
+    Some(task.phases(&block.p_min, limits.jerk))
+}
+
+/// Lets a profile begin with the brake into the limits of velocity, acceleration and jerk; returns position, velocity and
+/// acceleration at its end.
+fn braked(profile: &mut Profile, [v0, a0]: [f64; 2], [v, a, j]: [f64; 3]) -> (f64, f64, f64) {
+    let brake = &mut profile.brake;
+    brake.get_position_brake_trajectory(v0, a0, v, -v, a, -a, j);
+    let ([p0, ..], [v0, ..], [a0, ..]) = (&mut profile.p, &mut profile.v, &mut profile.a);
+    brake.finalize(p0, v0, a0);
+    (*p0, *v0, *a0)
 }
 
 /// Index of the phase at constant speed: it follows two phases of braking and three of acceleration.
@@ -266,12 +290,23 @@ struct ScaledProblem {
 }
 
 impl GoalProblem {
+    /// The phases of a scaled profile: brake and motion, with the time that was cut out.
+    fn phases(&self, profile: &Profile, jerk_limit: f64) -> Phases {
+        let [.., scaled_limit] = self.scaled.limits;
+        let mut phases = Phases::default();
+        let durations = profile.brake.t.into_iter().chain(profile.t);
+        let jerks = profile.brake.j.into_iter().chain(profile.j);
+        for (place, (duration, jerk)) in phases.0.iter_mut().zip(durations.zip(jerks)) {
+            *place = (duration * self.unit_s, jerk_limit * (jerk / scaled_limit));
+        }
+        if let Some((duration_s, _)) = phases.0.get_mut(CRUISE) {
+            *duration_s += self.cut_s;
+        }
+        phases
+    }
+
     fn of(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> GoalProblem {
-        let &MotionLimits {
-            velocity,
-            acceleration,
-            jerk,
-        } = limits;
+        let velocity = limits.velocity;
         let stop = to_velocity(from, 0.0, limits);
         let rest = Phases::of(&[&stop]).end(*from);
         let go = rest_to_rest(to.position - rest.position, limits);
@@ -289,7 +324,31 @@ impl GoalProblem {
             .abs()
             .max((rest.position - from.position).abs())
             .max((to.position - rest.position - cut).abs());
-        let (unit_s, unit) = (power_of_two(stop_s + go_s - cut_s), power_of_two(length));
+        let times_s = [stop_s + go_s - cut_s, cut_s];
+        GoalProblem::scaled((from, to), limits, (way, length), times_s)
+    }
+
+    /// The problem of a motion that takes `duration_s` (s).
+    fn lasting(from: &AxisState, to: &AxisState, limits: &MotionLimits, duration_s: f64) -> Self {
+        let way = to.position - from.position;
+        let length = way.abs().max(from.velocity.abs() * duration_s);
+        GoalProblem::scaled((from, to), limits, (way, length), [duration_s, 0.0])
+    }
+
+    /// A distance `way`, scaled by the greatest length in it and by the duration of the motion; with the time that was
+    /// cut out, s.
+    fn scaled(
+        (from, to): (&AxisState, &AxisState),
+        limits: &MotionLimits,
+        (way, length): (f64, f64),
+        [duration_s, cut_s]: [f64; 2],
+    ) -> GoalProblem {
+        let &MotionLimits {
+            velocity,
+            acceleration,
+            jerk,
+        } = limits;
+        let (unit_s, unit) = (power_of_two(duration_s), power_of_two(length));
         let of_velocity = |v: f64| v * unit_s / unit;
         let of_acceleration = |a: f64| of_velocity(a) * unit_s;
         // No motion between these velocities reaches a greater acceleration; a greater limit would only cost precision.

@@ -1,7 +1,7 @@
 //! The motions of a net: each is a planned path with its path clock. Built when a net is made ready (this allocates),
 //! stepped by the real-time thread (this does not).
 
-use rcc_core::axis::{AxisState, Phases};
+use rcc_core::axis::{AxisState, AxisTask, Phases, plan_together};
 use rcc_core::path::{
     LegConditions, LegSignals, MotionLimits, MotionState, Motions, PathState, SpeedOverride,
 };
@@ -446,6 +446,11 @@ impl Motions for MotionSet {
 
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         goal::plan(from, goal, limits)
+    }
+
+    fn plan_axes(&mut self, tasks: &[AxisTask], ways: &mut [Phases]) {
+        let soonest = |task: &AxisTask| goal::plan(&task.from, task.goal, &task.limits);
+        plan_together(tasks, ways, soonest, goal::plan_lasting);
     }
 }
 

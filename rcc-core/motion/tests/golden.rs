@@ -7,10 +7,17 @@
 
 use std::collections::BTreeMap;
 
-use rcc_core::axis::{AxisFollower, AxisState, Phases, stop_and_go, to_velocity};
-use rcc_core::path::MotionLimits;
+use assert_no_alloc::assert_no_alloc;
+use rcc_core::axis::{AxisFollower, AxisState, AxisTask, Phases, stop_and_go, to_velocity};
+use rcc_core::path::{MotionBuilder, MotionLimits, Motions};
+use rcc_motion::MotionSetBuilder;
 use rcc_motion::goal::{GoalPlanKind, plan, plan_to};
+use rcc_testing::{Random, Rng};
 use serde_json::Value;
+
+#[cfg(debug_assertions)]
+#[global_allocator]
+static ALLOCATOR: assert_no_alloc::AllocDisabler = assert_no_alloc::AllocDisabler;
 
 fn axes(name: &str) -> Vec<Value> {
     let path = format!(
@@ -111,6 +118,123 @@ fn every_axis_matches_duration_and_samples_of_the_official_ruckig() {
     ];
     let expected = expected.map(|(family, all, samples)| (family.to_string(), (all, samples)));
     assert_eq!(compared, expected.into());
+}
+
+/// Plans motions that end together, as `JointGoal` does with `synchronize: time`.
+fn together(tasks: &[AxisTask]) -> Vec<Phases> {
+    let mut motions = MotionSetBuilder::new(&[], &[], 1e-3, 0).finish().unwrap();
+    let mut ways = vec![Phases::default(); tasks.len()];
+    assert_no_alloc(|| motions.plan_axes(tasks, &mut ways));
+    ways
+}
+
+/// Asserts that a motion leads to its goal within its limits, or within what its start makes inevitable.
+fn assert_kept(task: &AxisTask, way: &Phases) {
+    let AxisTask { from, goal, limits } = task;
+    let end = way.end(*from);
+    let range = (goal - from.position).abs() + limits.velocity * way.duration_s();
+    assert!(
+        (end.position - goal).abs() <= 1e-9 * range,
+        "{task:?} {end:?}"
+    );
+    assert!(
+        end.velocity.abs().max(end.acceleration.abs()) <= 1e-8,
+        "{task:?} {end:?}"
+    );
+    let inevitable = from.velocity.abs().max(from.coasting(limits.jerk).abs());
+    let velocity = limits.velocity.max(inevitable) * (1.0 + 1e-9);
+    let acceleration = limits.acceleration.max(from.acceleration.abs()) * (1.0 + 1e-9);
+    for corner in way.extrema(*from) {
+        let kept = corner.velocity.abs() <= velocity && corner.acceleration.abs() <= acceleration;
+        assert!(kept, "{task:?} {corner:?}");
+    }
+    for (duration_s, jerk) in way.0 {
+        let kept = duration_s >= 0.0 && jerk.abs() <= limits.jerk * (1.0 + 1e-9);
+        assert!(kept, "{task:?} {way:?}");
+    }
+}
+
+/// The tasks of a case, which has the same keys as the file.
+fn tasks_of(case: &Value) -> Vec<AxisTask> {
+    let all = |key: &str| case[key].as_array().unwrap();
+    let number = |key: &str, axis: usize| all(key)[axis].as_f64().unwrap();
+    let task = |axis: usize| AxisTask {
+        from: state(numbers(&all("from")[axis])),
+        goal: number("goal", axis),
+        limits: MotionLimits {
+            velocity: number("velocity", axis),
+            acceleration: number("acceleration", axis),
+            jerk: number("jerk", axis),
+        },
+    };
+    (0..all("goal").len()).map(task).collect()
+}
+
+#[test]
+fn axes_that_end_together_take_as_long_as_those_of_the_official_ruckig() {
+    let (mut from_rest, mut in_motion, mut worst) = (0, 0, 0.0_f64);
+    for case in axes("ruckig_together.json") {
+        let tasks = tasks_of(&case);
+        let ways = together(&tasks);
+        let durations: Vec<f64> = ways.iter().map(Phases::duration_s).collect();
+        let end_s = durations.iter().copied().fold(0.0, f64::max);
+        for ((task, way), duration_s) in tasks.iter().zip(&ways).zip(&durations) {
+            assert_kept(task, way);
+            let stays = task.from.rests() && task.from.position == task.goal;
+            assert!(
+                stays || (duration_s - end_s).abs() <= 1e-9 * end_s,
+                "{durations:?}: {case}"
+            );
+        }
+        let ratio = end_s / case["duration"].as_f64().unwrap();
+        let rests = tasks.iter().all(|task| task.from.rests());
+        match rests {
+            true => from_rest += 1,
+            false => in_motion += 1,
+        }
+        println!("{} {}: {ratio}", case["case"], case["family"]);
+        assert!((ratio - 1.0).abs() <= 1e-9 || !rests, "{ratio}: {case}");
+        worst = worst.max(ratio);
+    }
+    println!("{from_rest} from rest, {in_motion} in motion, at most {worst} of Ruckig's time");
+    assert!(worst <= 1.001, "{worst}");
+    assert_eq!((from_rest, in_motion), (29, 19));
+}
+
+#[test]
+fn random_axes_in_motion_always_end_together() {
+    let mut random = Rng::with_seed(3);
+    for _ in 0..20_000 {
+        let mut tasks = [AxisTask::NONE; 7];
+        for task in &mut tasks {
+            let limits = MotionLimits {
+                velocity: random.uniform(0.5, 3.0),
+                acceleration: random.uniform(1.0, 20.0),
+                jerk: random.uniform(20.0, 1000.0),
+            };
+            let moving = !random.once_in(4);
+            let share = |random: &mut Rng| f64::from(u8::from(moving)) * random.uniform(-0.9, 0.9);
+            let acceleration = share(&mut random) * limits.acceleration;
+            // What an acceleration still adds to the velocity keeps its limit.
+            let left = limits.velocity - acceleration * acceleration / (2.0 * limits.jerk);
+            *task = AxisTask {
+                from: AxisState {
+                    position: random.uniform(-2.0, 2.0),
+                    velocity: share(&mut random) * left.max(0.0),
+                    acceleration: if left > 0.0 { acceleration } else { 0.0 },
+                },
+                goal: random.uniform(-2.0, 2.0),
+                limits,
+            };
+        }
+        let ways = together(&tasks);
+        let end_s = ways.iter().map(Phases::duration_s).fold(0.0, f64::max);
+        for (task, way) in tasks.iter().zip(&ways) {
+            assert_kept(task, way);
+            let late_s = end_s - way.duration_s();
+            assert!(late_s <= 1e-9 * end_s, "{late_s} of {end_s}: {tasks:?}");
+        }
+    }
 }
 
 #[test]

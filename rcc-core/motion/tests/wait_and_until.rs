@@ -148,18 +148,26 @@ fn legs(random: &mut Rng) -> Vec<Leg<'static>> {
     legs.collect()
 }
 
+const PACES: [SpeedProfile; 4] = [
+    SpeedProfile::Uniform,
+    SpeedProfile::Adaptive,
+    SpeedProfile::TimeOptimal(StopReserve::Keep),
+    SpeedProfile::TimeOptimal(StopReserve::Give),
+];
+
 #[test]
 fn random_legs_keep_every_limit_whenever_their_conditions_hold() {
     let (mut ran, mut ended, mut refused) = (0, 0, 0);
     let mut worst = [0.0_f64; 3];
     for seed in 0..200 {
         let mut random = Rng::with_seed(seed);
-        let legs = legs(&mut random);
-        let pace = if random.once_in(4) {
-            SpeedProfile::TimeOptimal(StopReserve::Keep)
-        } else {
-            SpeedProfile::Uniform
-        };
+        let mut legs = legs(&mut random);
+        let pace = PACES[random.below(PACES.len())];
+        if random.once_in(2) {
+            // Without a given speed the adaptive profile may follow a time law.
+            legs.iter_mut()
+                .for_each(|leg| leg.line = MotionLimits::NONE);
+        }
         let Ok(mut motions) = built(&legs, pace) else {
             refused += 1;
             continue;
@@ -257,10 +265,7 @@ fn a_condition_that_never_holds_changes_nothing_and_is_told() {
     let plain = [lin([0.0, 0.0, 0.1]), lin([0.0, 0.1, 0.0])];
     let mut with = plain;
     with[0].until = Some(0);
-    for pace in [
-        SpeedProfile::Uniform,
-        SpeedProfile::TimeOptimal(StopReserve::Keep),
-    ] {
+    for pace in PACES {
         let (mut a, mut b) = (built(&plain, pace).unwrap(), built(&with, pace).unwrap());
         loop {
             let state = step(&mut a, SpeedOverride::RUN, |_| false);

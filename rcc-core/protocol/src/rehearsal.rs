@@ -43,7 +43,7 @@ pub struct ShortenedBlend {
     pub made_m: f64,
 }
 
-/// An even motion that takes much longer between two rests than its path and its limits require.
+/// A motion with a given velocity that takes much longer between two rests than its path and its limits require.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SlowMotion {
     /// Index of the motion in its net.

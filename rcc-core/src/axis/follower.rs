@@ -80,6 +80,30 @@ impl AxisFollower {
         self.now.rests() && self.now.position == self.goal
     }
 
+    /// Returns true if the next step towards this goal would plan a motion.
+    #[must_use]
+    pub fn plans(&self, goal: f64, limits: &MotionLimits) -> bool {
+        self.reachable(Some(goal), limits)
+            .is_some_and(|goal| !self.follows(goal, limits))
+    }
+
+    /// Begins a motion to `goal` that was planned from its state with these limits; the next step follows it.
+    pub fn begin(&mut self, goal: f64, limits: &MotionLimits, way: Phases) {
+        (self.goal, self.limits, self.phases) = (goal, *limits, way);
+        (self.start, self.periods) = (self.now, 0.0);
+    }
+
+    /// The goal, unless it counts as none.
+    fn reachable(&self, goal: Option<f64>, limits: &MotionLimits) -> Option<f64> {
+        let near = |goal: &f64| (goal - self.now.position).abs() <= LONGEST_S * limits.velocity;
+        goal.filter(|goal| near(goal) && limits_are_valid(limits))
+    }
+
+    /// Its motion leads to this goal within these limits. One that ended beside its goal is planned again.
+    fn follows(&self, goal: f64, limits: &MotionLimits) -> bool {
+        self.goal == goal && self.limits == *limits && !self.missed()
+    }
+
     /// Advances by one period of `dt_s`, towards `goal` or, without a goal, to rest. `plan` returns the motion from a
     /// state to rest at a goal, and is called only when goal or limits differ from those of the last step.
     ///
@@ -93,23 +117,20 @@ impl AxisFollower {
         dt_s: f64,
         plan: impl FnOnce(&AxisState, f64, &MotionLimits) -> Phases,
     ) -> AxisState {
-        let near = |goal: &f64| (goal - self.now.position).abs() <= LONGEST_S * limits.velocity;
-        let goal = goal.filter(|goal| near(goal) && limits_are_valid(limits));
+        let goal = self.reachable(goal, limits);
         let bounded = |limit: f64| limit.is_finite() && limit > 0.0;
         let stays = !(bounded(limits.acceleration) && bounded(limits.jerk));
         let same = match goal {
-            // A motion that ended beside its goal is planned again.
-            Some(goal) => self.goal == goal && self.limits == *limits && !self.missed(),
+            Some(goal) => self.follows(goal, limits),
             // A stop keeps the limits that it started with.
             None => self.goal.is_nan(),
         };
         if !(same || stays) {
-            self.goal = goal.unwrap_or(f64::NAN);
-            (self.limits, self.start, self.periods) = (*limits, self.now, 0.0);
-            self.phases = match goal {
+            let way = match goal {
                 Some(goal) => plan(&self.now, goal, limits),
                 None => Phases::of(&[&to_velocity(&self.now, 0.0, limits)]),
             };
+            self.begin(goal.unwrap_or(f64::NAN), limits, way);
         }
         self.periods += 1.0;
         self.now = self.at(self.periods * dt_s, self.limits.jerk * dt_s * dt_s * dt_s);
@@ -117,7 +138,7 @@ impl AxisFollower {
     }
 
     fn missed(&self) -> bool {
-        self.now.rests() && self.now.position != self.goal
+        self.periods > 0.0 && self.now.rests() && self.now.position != self.goal
     }
 
     fn at(&self, t_s: f64, step: f64) -> AxisState {

@@ -1,5 +1,8 @@
 //! The message of every refusal of the executor.
 
+use rcc_core::path::Quantity;
+use rcc_protocol::rehearsal::{LimitPeak, RehearsalEnd, RehearsalReport, SlowMotion};
+
 use super::*;
 use rcc_protocol::rules::RuleFault;
 
@@ -202,4 +205,49 @@ fn a_device_that_is_not_ready_is_told_with_its_state_reason_and_remedy() {
         let help = error.help;
         assert!(help.contains("`rcc-cli doctor device lwr`"), "{help}");
     }
+}
+
+#[test]
+fn a_motion_that_its_given_velocity_makes_slow_is_told_with_the_place_and_the_remedy() {
+    let config = config();
+    let names = NameResolver {
+        disagreement: &|_| None,
+        config: &config,
+        net: &|id| format!("net#{id}"),
+        names: &|_| Names::default(),
+        reason: &|_, _| String::new(),
+        condition: &|_| None,
+    };
+    let rehearsed = RehearsalReport {
+        time_s: 3.5,
+        end: RehearsalEnd::Finished,
+        evaluations: 3500,
+        outcome: 0,
+        peaks: [LimitPeak::NONE; 3],
+        singularity: f64::NAN,
+        shortened: 0,
+        most_shortened: None,
+        slowest: Some(SlowMotion {
+            motion: 0,
+            leg: 1,
+            fraction: 0.253,
+            quantity: Quantity::Joint(3),
+            order: 2,
+            takes_s: 3.4,
+            possible_s: 1.98,
+        }),
+        uncommanded: 0,
+        took_ns: 0,
+    };
+    let net = Names {
+        motions: vec!["move".to_owned()],
+        ..Names::default()
+    };
+    let words = names.rehearsal(&rehearsed, &net).words;
+    let joint = &config.devices[0].robot.as_ref().expect("an arm").joints[3].name;
+    let expected = format!(
+        "`move` takes 3.40 s where its limits allow 1.98 s, because its velocity is given and the acceleration of joint {joint} at \
+         25 % of leg 2 bounds all of it: `time_optimal: true` uses what every place allows, up to that velocity"
+    );
+    assert!(words.contains(&expected), "{words}");
 }

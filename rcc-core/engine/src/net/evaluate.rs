@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use rcc_core::axis::{AxisState, Phases};
+use rcc_core::axis::{AxisState, AxisTask, Phases};
 use rcc_core::cycle::{Schedule, cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame};
 use rcc_core::message::FaultCode;
@@ -179,6 +179,10 @@ impl<F: FnMut(usize, &MotionState)> Motions for ObservedMotions<'_, F> {
 
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         self.motions.plan_axis(from, goal, limits)
+    }
+
+    fn plan_axes(&mut self, tasks: &[AxisTask], ways: &mut [Phases]) {
+        self.motions.plan_axes(tasks, ways);
     }
 }
 

@@ -1,11 +1,11 @@
-//! The limit that makes an even motion slower than its path requires, and its place. Used when a motion is built.
+//! The limit that makes a motion with a given speed slower than its path requires, and its place. Used when a motion is built.
 
 use rcc_core::path::Quantity;
 
 use super::speed_limits::{SampledPart, quantity};
 use crate::path_clock::{PathBounds, duration_s};
 
-/// An even motion is reported if a law is known with which the path takes less than this fraction of its time.
+/// It is reported if a law is known with which the path takes less than this fraction of its time.
 pub(super) const REPORTED: f64 = 1.0 / 1.3;
 
 /// A section from rest to rest that takes much longer than its limits require, because one acceleration and one jerk apply

@@ -1,14 +1,15 @@
 //! `JointGoal`: moves the joints of an arm to a goal that may change in any cycle, each as fast as its limits allow.
 //!
-//! The path in between is unspecified: joints are not synchronised. Use a motion along a path where the path matters.
+//! The path in between is unspecified, also with `synchronize: time`. Use a motion along a path where the path matters.
 //!
 //! Cost for seven joints, measured on a loaded virtual machine with two cores: 0.6 µs in a cycle without changes; 13 µs
 //! (median) and 29 µs (99th percentile) in a cycle in which all goals change. Every loop has a constant bound: each
-//! joint is planned at most once per cycle, with two evaluations of the closed forms (`docs/performance-motion.md`).
+//! joint is planned at most once per cycle, with two evaluations of the closed forms (`docs/performance-motion.md`), and
+//! with `synchronize: time` at most three times more for a given duration.
 
 use crate::axis::{
-    AXIS_WORDS, AxisFollower, AxisSlot, AxisState, axes, continued, is_new, rest_at, share_of,
-    step_axis,
+    AXIS_WORDS, AxisFollower, AxisSlot, AxisState, AxisTask, Phases, axes, continued, is_new,
+    rest_at, share_of, step_axis,
 };
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::joints::{JOINTS_MAX, Joints};
@@ -28,6 +29,11 @@ const fn limit(name: &'static str, order: u8, doc: &'static str) -> Parameter {
         .above(0.0)
 }
 
+/// Whether joints arrive together.
+const SYNCHRONIZATIONS: &[&str] = &["none", "time"];
+/// Index of `time` in [`SYNCHRONIZATIONS`].
+const TIME: i64 = 1;
+
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
@@ -36,8 +42,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: "a null element of `goal` or a null `speed` brings all joints to rest and keeps them there; a null `stop` counts \
                as true",
         null_rule: NullRule::Known,
-        formula: "each joint independently, as ScalarGoal; in the first cycle it is at rest at the arm's hold set-point, or where \
-                  `start: continue` begins",
+        formula: "each joint independently, as ScalarGoal, or with `synchronize: time` in the time of the slowest one: from rest \
+                  with its velocity scaled by k = own time / that time, its acceleration by k², its jerk by k³; in the first cycle \
+                  it is at rest at the arm's hold set-point, or where `start: continue` begins",
         inputs: &[
             Port::new(
                 "goal",
@@ -101,6 +108,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "hold: begins at rest where the arm is held at LOAD or START; continue: begins from position, velocity and \
                  acceleration that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held",
             ),
+            Parameter::new(
+                "synchronize",
+                ParameterKind::Word(SYNCHRONIZATIONS),
+                "none: each joint arrives as soon as it can; time: all arrive together, as soon as the slowest can, and are planned \
+                 anew together when goal or limits change; a stop brakes each joint as fast as it can",
+            )
+            .default(DefaultValue::Word("none")),
         ],
         state: StateSpec {
             reals: (JOINTS_MAX * AXIS_WORDS) as u32,
@@ -117,7 +131,7 @@ operands! {
         goal: Slot<Real>, speed: Slot<Real>, stop: Slot<Bool>,
         position: Slot<Real>, velocity: Slot<Real>, done: Slot<Bool>, accepted: Slot<Bool>,
         device: Device, scale: Slot<Real>, max_velocity: Slot<Real>, max_acceleration: Slot<Real>,
-        max_jerk: Slot<Real>, start: Slot<Int>, state: AxisSlot, width: u32,
+        max_jerk: Slot<Real>, start: Slot<Int>, synchronize: Slot<Int>, state: AxisSlot, width: u32,
     }
 }
 
@@ -152,6 +166,42 @@ impl JointGoal {
         Some(())
     }
 
+    /// Begins motions that end together if one of them would be planned now.
+    fn plan_together(
+        self,
+        frame: &mut Frame<'_>,
+        goal: &Joints,
+        limits: &[MotionLimits; JOINTS_MAX],
+    ) -> Option<()> {
+        let width = self.width as usize;
+        let mut followers = [AxisFollower::at_rest(0.0); JOINTS_MAX];
+        let mut tasks = [AxisTask::NONE; JOINTS_MAX];
+        let (mut changed, mut known) = (false, true);
+        for (joint, slot) in self.axes().take(width).enumerate() {
+            let follower = AxisFollower::from_words(&frame.get(slot)?);
+            tasks[joint] = AxisTask {
+                from: follower.state(),
+                goal: goal[joint],
+                limits: limits[joint],
+            };
+            known &= follower.state().is_finite();
+            changed |= follower.plans(goal[joint], &limits[joint]);
+            followers[joint] = follower;
+        }
+        if !(known && changed) {
+            return Some(());
+        }
+        let mut ways = [Phases::default(); JOINTS_MAX];
+        let tasks = tasks.get(..width)?;
+        frame.motions.plan_axes(tasks, &mut ways);
+        let planned = tasks.iter().zip(&mut followers).zip(ways);
+        for (((task, follower), way), slot) in planned.zip(self.axes()) {
+            follower.begin(task.goal, &task.limits, way);
+            frame.put(slot, follower.words())?;
+        }
+        Some(())
+    }
+
     fn axes(self) -> impl Iterator<Item = AxisSlot> {
         axes(self.state, JOINTS_MAX as u32)
     }
@@ -179,15 +229,24 @@ impl Step for JointGoal {
         let mut new = self.axes().take(width).map(|slot| is_new(frame, slot));
         let begins = new.try_fold(true, |all, new| Some(all && new?))?;
         let rows = robot.velocity_max.iter().zip(&robot.acceleration_max);
-        let rows = rows.zip(&robot.jerk_max).zip(self.axes());
+        let rows = rows.zip(&robot.jerk_max);
+        let mut bounds = [MotionLimits::NONE; JOINTS_MAX];
+        for (bounds, ((v, a), j)) in bounds.iter_mut().zip(rows) {
+            *bounds = limits([*v, *a, *j], scale, given, share);
+        }
+        let aim = goal.filter(|_| !begins);
+        if let Some(aim) = aim.filter(|_| share > 0.0)
+            && frame.get(self.synchronize)? == TIME
+        {
+            self.plan_together(frame, &aim, &bounds)?;
+        }
         let (mut positions, mut velocities) = ([NULL_REAL; JOINTS_MAX], [NULL_REAL; JOINTS_MAX]);
         let (mut known, mut there, mut rests) = (true, true, true);
         let places = positions.iter_mut().zip(&mut velocities).enumerate();
-        for ((joint, places), (((v, a), j), slot)) in places.zip(rows).take(width) {
-            let limits = limits([*v, *a, *j], scale, given, share);
-            let goal = goal.filter(|_| !begins);
-            let goal = goal.and_then(|goal| goal.get(joint).copied());
-            let axis = step_axis(frame, slot, goal, &limits);
+        let axes = bounds.iter().zip(self.axes());
+        for ((joint, places), (limits, slot)) in places.zip(axes).take(width) {
+            let aim = aim.and_then(|aim| aim.get(joint).copied());
+            let axis = step_axis(frame, slot, aim, limits);
             known &= axis.is_some();
             if let Some(now) = axis.as_ref().map(AxisFollower::state) {
                 (*places.0, *places.1) = (now.position, now.velocity);
@@ -287,9 +346,81 @@ mod tests {
         assert_eq!((last, bench.bool("done")), (GOAL, Some(true)));
     }
 
+    /// The cycle in which each joint first rests at its goal.
+    fn arrivals(bench: &mut PrimitiveHarness, goal: &[f64; 7]) -> [usize; 7] {
+        let mut arrived = [None; 7];
+        for cycle in 0..5000 {
+            bench.step();
+            let positions = bench.reals("position", 7).iter().zip(goal);
+            let there = positions.map(|(position, goal)| position == goal);
+            for (arrived, there) in arrived.iter_mut().zip(there) {
+                match there {
+                    true => _ = arrived.get_or_insert(cycle),
+                    false => *arrived = None,
+                }
+            }
+        }
+        arrived.map(|cycle| cycle.expect("it arrives"))
+    }
+
+    #[test]
+    fn with_synchronize_time_all_joints_that_move_arrive_together_when_the_slowest_can() {
+        let alone = arrivals(&mut bench(), &GOAL);
+        let slowest = alone.into_iter().max().unwrap();
+        assert!(alone.iter().min().unwrap() + 100 < slowest, "{alone:?}");
+        let mut bench = bench();
+        bench.set_int("synchronize", super::TIME);
+        // Joint 3 stays where it is.
+        let together = arrivals(&mut bench, &GOAL);
+        let (stays, moved) = (together[2], [0, 1, 3, 4, 5, 6].map(|joint| together[joint]));
+        // In the last cycle a rest below the jerk of one cycle is skipped.
+        let in_time = |arrived: usize| (slowest - 1..=slowest).contains(&arrived);
+        assert!(
+            stays == 0 && moved.into_iter().all(in_time),
+            "{together:?}, alone {alone:?}"
+        );
+    }
+
+    #[test]
+    fn with_synchronize_time_a_goal_that_changes_in_motion_is_reached_together_too() {
+        let mut bench = bench();
+        bench.set_int("synchronize", super::TIME);
+        (0..200).for_each(|_| _ = bench.step());
+        let mut goal = GOAL;
+        (goal[0], goal[2], goal[5]) = (0.1, 0.3, 0.9);
+        bench.set_reals("goal", &goal);
+        let arrived = arrivals(&mut bench, &goal);
+        let [first, last] = [arrived.iter().min(), arrived.iter().max()].map(Option::unwrap);
+        assert!(last - first <= 1 && *first > 200, "{arrived:?}");
+        assert_eq!(bench.bool("done"), Some(true));
+    }
+
+    #[test]
+    fn with_synchronize_time_a_stop_and_a_speed_act_as_without() {
+        let mut bench = bench();
+        bench.set_int("synchronize", super::TIME);
+        (0..100).for_each(|_| _ = bench.step());
+        bench.set_bool("stop", Some(true));
+        (0..1000).for_each(|_| _ = bench.step());
+        assert_eq!(bench.bool("done"), Some(true));
+        assert_ne!(bench.reals("position", 7), GOAL);
+        bench.set_bool("stop", Some(false)).set_real("speed", 0.1);
+        let arrived = arrivals(&mut bench, &GOAL);
+        let moved = [0, 1, 3, 4, 5, 6].map(|joint| arrived[joint]);
+        let [first, last] = [moved.iter().min(), moved.iter().max()].map(Option::unwrap);
+        assert!(last - first <= 1 && *last > 1000, "{arrived:?}");
+    }
+
     #[test]
     fn the_first_set_point_is_the_hold_position_so_that_the_next_ones_keep_the_jerk_limit() {
-        let mut bench = bench();
+        for synchronize in [0, super::TIME] {
+            let mut bench = bench();
+            bench.set_int("synchronize", synchronize);
+            keeps_the_jerk_limit(bench);
+        }
+    }
+
+    fn keeps_the_jerk_limit(mut bench: PrimitiveHarness) {
         let jerk_max = bench.model.limits.jerk_max;
         let mut rows = [HOLD; 4];
         for cycle in 0..3000 {
