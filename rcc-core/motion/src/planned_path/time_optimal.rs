@@ -11,13 +11,12 @@ use core::ops::Range;
 use rcc_core::path::{SpeedOverride, StopReserve};
 
 use super::TimeScaling;
-use super::sampled_path::{SampledPath, SampledPiece};
-use super::speed_limits::{BrakingLimits, DerivativeSample, MARGIN, QUANTITIES};
+use super::sampled_path::SampledPath;
+use super::speed_limits::BrakingLimits;
 use super::time_law::{TimeLaw, TimeLawKnot};
-use crate::geometry::chain::ChainPiece;
-use crate::geometry::jet::{Jet, JetScalar};
 use crate::path_clock::{PathBounds, PathClock, PathPiece, duration_s};
 use barrier::Barrier;
+use close_samples::each_bound;
 use law_spline::{LawSpline, basis};
 use limited_values::ClockReserve;
 use section_table::SectionTable;
@@ -25,6 +24,7 @@ use topp_ra::{AccelerationProfile, constraints};
 
 mod banded;
 mod barrier;
+mod close_samples;
 mod law_spline;
 mod law_stops;
 mod limited_values;
@@ -70,10 +70,6 @@ impl LawReserve {
 
 /// Fraction by which a law is slower than its limits allow, because of rounding.
 const ROUNDING: f64 = 1e-6;
-
-/// Number of parts in which a curve of a time law is sampled: least and greatest.
-const PARTS: f64 = 4.0;
-const PARTS_MAX: f64 = 512.0;
 
 /// A law is searched if an estimate promises less than this fraction of the time of the even motion; the search takes longer
 /// than everything else that is planned. It is used if it takes less than the second one.
@@ -133,10 +129,10 @@ pub(super) fn time_optimal_law(
         true => TimeScaling::TimeOptimal,
         false => TimeScaling::FirstLaw,
     };
-    let sooner = law.0.duration() < duration_s(uniform);
-    sooner
-        .then(|| section_law((path, range), law, own.wait_cycles, time_scaling))
-        .flatten()
+    if law.0.duration() >= duration_s(uniform) {
+        return None;
+    }
+    section_law((path, range), law, own.wait_cycles, time_scaling)
 }
 
 /// Compares the even motion with the bounds `uniform` with a time law that is found quickly and is nearly the soonest:
@@ -163,17 +159,11 @@ pub(super) fn adapted_law(
     let mut barrier = Barrier::new(&table, reserve, first.law)?;
     barrier.improve_quickly();
     let law = soonest((path, range.clone()), &barrier, reserve)?;
-    let sooner = law.0.duration() < WORTHWHILE * even_s;
-    sooner
-        .then(|| {
-            section_law(
-                (path, range),
-                law,
-                ADAPTED.wait_cycles,
-                TimeScaling::Adapted,
-            )
-        })
-        .flatten()
+    if law.0.duration() >= WORTHWHILE * even_s {
+        return None;
+    }
+    let wait_cycles = ADAPTED.wait_cycles;
+    section_law((path, range), law, wait_cycles, TimeScaling::Adapted)
 }
 
 /// A duration with which the path can be travelled within its limits, with nothing reserved, if it is below `below_s`, s: not
@@ -354,119 +344,4 @@ fn clock_bounds(duration_s: f64, reserve: ClockReserve, dt_s: f64) -> Option<Pat
         velocity: 1.0,
     };
     PathBounds::new(&[piece], acceleration, jerk, dt_s).ok()
-}
-
-/// Calls `each` with the bounds of velocity, acceleration and jerk of every limited quantity on every curve of a law
-/// within every piece, including what its clock may add, and with its limits.
-fn each_bound(
-    path: &SampledPath<'_>,
-    range: Range<usize>,
-    (law, reserve): (&TimeLaw, ClockReserve),
-    mut each: impl FnMut([f64; 3], [f64; 3]),
-) {
-    let (step_s, count) = law.curves();
-    let mut samples = Vec::new();
-    for number in range.filter(|number| path.has_length(*number)) {
-        let (Some(piece), Some(sampled)) =
-            (path.chain.pieces().get(number), path.pieces.get(number))
-        else {
-            continue;
-        };
-        let span = [piece.begin, piece.end].map(|s| law.inverse(s) / step_s);
-        for curve in span[0] as usize..(span[1].ceil() as usize).min(count) {
-            let part = span.map(|place| (place - curve as f64).clamp(0.0, 1.0) * step_s);
-            samples.clear();
-            on_curve(law, curve, part, (piece, sampled), &mut samples);
-            for [first, second, third] in samples.iter_mut().flatten() {
-                let ClockReserve { acceleration, jerk } = reserve;
-                *third += 3.0 * acceleration * *second + jerk * *first;
-                *second += acceleration * *first;
-            }
-            let bounds = curve_bounds(&samples);
-            for (values, limits) in bounds.iter().zip(&sampled.bounds) {
-                if limits.iter().any(|limit| limit.is_finite()) {
-                    each(*values, *limits);
-                }
-            }
-        }
-    }
-}
-
-/// Derivatives by time on a part of one curve of a law, from one time to another after its beginning: as densely as the
-/// piece was sampled.
-fn on_curve(
-    law: &TimeLaw,
-    curve: usize,
-    [from, to]: [f64; 2],
-    (piece, sampled): (&ChainPiece, &SampledPiece),
-    samples: &mut Vec<DerivativeSample>,
-) {
-    let steps = sampled.samples.points.len().saturating_sub(1).max(1) as f64;
-    let close = piece.length() / steps;
-    let ways = [from, to].map(|time| law.on_curve(curve, time).map_or(0.0, JetScalar::value));
-    let parts = ((ways[1] - ways[0]) / close).ceil().clamp(PARTS, PARTS_MAX);
-    for part in 0..=parts as usize {
-        let time = from + (to - from) * part as f64 / parts;
-        let Some(s) = law.on_curve(curve, time) else {
-            continue;
-        };
-        let place = ((s.value() - piece.begin) / close).clamp(0.0, steps);
-        samples.push(at_time(sampled, place, s));
-    }
-}
-
-/// Bounds of values that are smooth between these equidistant samples: the greatest sample, a quarter of the second
-/// difference where it is, and a margin.
-fn curve_bounds(samples: &[DerivativeSample]) -> DerivativeSample {
-    let mut bounds = [[0.0_f64; 3]; QUANTITIES];
-    for three in samples.windows(3) {
-        for (quantity, bounds) in bounds.iter_mut().enumerate() {
-            for (order, bound) in bounds.iter_mut().enumerate() {
-                let [before, here, behind] = [0, 1, 2].map(|at| three[at][quantity][order]);
-                let bend = (before - 2.0 * here + behind).abs() / 4.0;
-                *bound = bound.max(before.max(here).max(behind) + bend);
-            }
-        }
-    }
-    bounds.map(|orders| orders.map(|bound| bound * (1.0 + MARGIN)))
-}
-
-/// Derivatives by time at a position (in steps of the samples) with `s` as a function of time: upper bounds, as far as
-/// sampled.
-fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
-    let step = place as usize;
-    let (part, next) = (
-        place - step as f64,
-        (step + 1).min(sampled.samples.points.len() - 1),
-    );
-    let between = |a: f64, b: f64| a + (b - a) * part;
-    let [_, v, a, j] = s.0;
-    let mut sample = [[0.0; 3]; QUANTITIES];
-    let amounts = [step, next].map(|step| sampled.samples.points[step]);
-    let jets = [step, next].map(|step| sampled.samples.jets[step]);
-    for (number, row) in sample.iter_mut().enumerate() {
-        let slopes: [f64; 3] = core::array::from_fn(|order| match number {
-            // Magnitudes: they are added without compensating each other.
-            0 | 1 => between(amounts[0][number][order], amounts[1][number][order]),
-            joint => between(
-                jets[0][joint - 2].derivative(order + 1),
-                jets[1][joint - 2].derivative(order + 1),
-            ),
-        });
-        let [first, second, third] = slopes;
-        *row = match number {
-            0 | 1 => [
-                first * v,
-                second * v * v + first * a.abs(),
-                third * v * v * v + 3.0 * second * v * a.abs() + first * j.abs(),
-            ],
-            _ => [
-                (first * v).abs(),
-                (second * v * v + first * a).abs(),
-                (third * v * v * v + 3.0 * second * v * a + first * j).abs(),
-            ],
-        }
-        .map(|value: f64| value * sampled.samples.excess);
-    }
-    sample
 }

@@ -8,7 +8,7 @@ use rcc_core::axis::AxisState;
 use super::super::sampled_path::SampledPath;
 use super::super::speed_limits::{BrakingLimits, DerivativeSample};
 use super::super::time_law::TimeLaw;
-use super::{at_time, curve_bounds};
+use super::close_samples::{at_time, curve_bounds};
 use crate::geometry::jet::Jet;
 use crate::jerk_profile::AccelerationLimits;
 use crate::path_clock::{PathBounds, PathPiece};
