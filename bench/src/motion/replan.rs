@@ -4,10 +4,11 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use rcc_core::axis::{AXIS_WORDS, AxisFollower, AxisState};
-use rcc_core::path::MotionLimits;
+use rcc_core::axis::{AXIS_WORDS, AxisFollower, AxisState, AxisTask, Phases};
+use rcc_core::path::{MotionLimits, Motions};
+use rcc_motion::MotionSetBuilder;
 use rcc_motion::goal::plan;
-use rcc_testing::{Random, Rng};
+use rcc_testing::{Random, Rng, quantile};
 
 const PERIOD_S: f64 = 1e-3;
 
@@ -21,7 +22,7 @@ pub struct TimeQuantiles {
 
 fn spread(name: &'static str, mut times_ns: Vec<u64>) -> TimeQuantiles {
     times_ns.sort_unstable();
-    let at = |share: f64| times_ns[((times_ns.len() - 1) as f64 * share) as usize];
+    let at = |share: f64| quantile(&times_ns, share).unwrap_or(0);
     TimeQuantiles {
         name,
         ns: [0.5, 0.99, 0.999, 1.0].map(at),
@@ -55,21 +56,28 @@ fn state(random: &mut Rng, limits: &MotionLimits) -> AxisState {
 #[must_use]
 pub fn measure(cases: usize) -> Vec<TimeQuantiles> {
     let (mut random, limits) = (Rng::with_seed(7), limits());
-    let mut random_states = Vec::with_capacity(cases);
+    let motions = MotionSetBuilder::new(&[], &[], PERIOD_S, 0).finish();
+    let mut motions = motions.expect("a set without motions");
+    let (mut alone, mut together) = (Vec::with_capacity(cases), Vec::with_capacity(cases));
     for _ in 0..cases {
-        let tasks = limits.map(|limits| {
-            let from = state(&mut random, &limits);
-            (from, random.uniform(-1.0, 1.0), limits)
+        let tasks = limits.map(|limits| AxisTask {
+            from: state(&mut random, &limits),
+            goal: random.uniform(-1.0, 1.0),
+            limits,
         });
-        random_states.push(timed(|| {
-            for (from, goal, limits) in &tasks {
+        alone.push(timed(|| {
+            for AxisTask { from, goal, limits } in &tasks {
                 black_box(plan(black_box(from), *goal, limits));
             }
         }));
+        let mut ways = [Phases::default(); 7];
+        together.push(timed(|| motions.plan_axes(black_box(&tasks), &mut ways)));
+        black_box(ways);
     }
     let (same, new) = follow(&mut random, &limits, cases);
     vec![
-        spread("planning alone, random states and goals", random_states),
+        spread("planning alone, random states and goals", alone),
+        spread("the same, so that all arrive together", together),
         spread("a cycle on the way to goals as they were", same),
         spread("a cycle with seven new goals", new),
     ]

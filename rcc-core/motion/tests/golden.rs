@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use assert_no_alloc::assert_no_alloc;
 use rcc_core::axis::{AxisFollower, AxisState, AxisTask, Phases, stop_and_go, to_velocity};
-use rcc_core::path::{MotionBuilder, MotionLimits, Motions};
+use rcc_core::path::{MotionLimits, Motions};
 use rcc_motion::MotionSetBuilder;
 use rcc_motion::goal::{GoalPlanKind, plan, plan_to};
 use rcc_testing::{Random, Rng};
