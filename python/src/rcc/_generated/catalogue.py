@@ -3580,6 +3580,7 @@ class Primitives(Base):
         acceleration: Value = UNSET,
         jerk: Value = UNSET,
         start: Value = UNSET,
+        synchronize: Value = UNSET,
         goal: Source,
         speed: Source = UNSET,
         stop: Source = UNSET,
@@ -3593,12 +3594,13 @@ class Primitives(Base):
         acceleration: Real [rad/s^2 or m/s^2]: acceleration limit of every joint, if lower than the configured one; default null
         jerk: Real [rad/s^3 or m/s^3]: jerk limit of every joint, if lower than the configured one; default null
         start: hold, continue: hold: begins at rest where the arm is held at LOAD or START; continue: begins from position, velocity and acceleration that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held; default hold
+        synchronize: none, time: none: each joint arrives as soon as it can; time: all arrive together, as soon as the slowest can, and are planned anew together when goal or limits change; a stop brakes each joint as fast as it can; default none
         goal: Real[joints] [rad or m]: goal, A1 first; counts as null if an element is outside its joint's range
         speed: Real [1]: fraction of the velocity limit to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop); default 1
         stop: Bool: while true, all joints brake to rest and stay there; afterwards they continue; default false
         name: name in the net; default `jointgoal` with a number
         """
-        return self._add(JointGoal, name, {'device': device, 'scale': scale, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'start': start}, {'goal': goal, 'speed': speed, 'stop': stop})
+        return self._add(JointGoal, name, {'device': device, 'scale': scale, 'velocity': velocity, 'acceleration': acceleration, 'jerk': jerk, 'start': start, 'synchronize': synchronize}, {'goal': goal, 'speed': speed, 'stop': stop})
 
     def JointImpedanceCommand(
         self,
