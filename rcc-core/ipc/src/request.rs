@@ -41,11 +41,11 @@ const MESSAGE_MAX: usize = 4 << 10;
 const ANSWERS_MAX: usize = 16;
 /// Shared memory of a client or server, bytes; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
-/// Shortest and longest polling interval of a client that waits for an answer. In between it is this fraction of the time
-/// already waited, so that an answer is noticed little later than it arrives.
+/// Shortest and longest polling interval of a client that waits for an answer. In between it is a [`POLL_DIVISOR`]th of the
+/// time already waited, so that an answer is noticed little later than it arrives.
 const POLL_FIRST: Duration = Duration::from_micros(50);
 const POLL_LAST: Duration = Duration::from_millis(1);
-const POLL_FRACTION: u32 = 16;
+const POLL_DIVISOR: u32 = 16;
 /// Interval at which a waiting client checks whether the server's process is alive.
 const LIFE_CHECK: Duration = Duration::from_millis(20);
 
@@ -362,7 +362,7 @@ impl Client {
                     waited: timeout,
                 });
             }
-            let pause = now.duration_since(started) / POLL_FRACTION;
+            let pause = now.duration_since(started) / POLL_DIVISOR;
             std::thread::sleep(pause.clamp(POLL_FIRST, POLL_LAST));
         }
     }

@@ -1,5 +1,5 @@
-//! Compares the durations of time-optimal motions, of the default ones and of those with one acceleration for the whole path,
-//! and the cost of building them: `cargo run --release -p rcc-motion --example fastest -- 200`. One thread; ratios carry over to other machines.
+//! Compares the durations of time-optimal motions, of the default ones and of those with one acceleration for the whole
+//! path, and the cost of building them: `cargo run --release -p rcc-motion --example fastest -- 200`. One thread; ratios carry over to other machines.
 
 #[path = "../tests/motions/mod.rs"]
 mod motions;

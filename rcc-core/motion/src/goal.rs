@@ -105,7 +105,8 @@ pub fn plan_to(
     let found = fastest(from, to, limits).filter(|way| keeps(way, from, to, limits));
     // At the velocity limit, rounding decides which profiles rsruckig considers, and its brake trajectory may reverse.
     let at_limit = most_velocity(from, limits) > limits.velocity * (1.0 - NEAR_LIMIT);
-    let brake = at_limit.then(|| brake_first(from, to, limits)).flatten();
+    let brake = at_limit.then(|| brake_first(from, limits, |at, _| fastest(at, to, limits)));
+    let brake = brake.flatten().filter(|way| keeps(way, from, to, limits));
     let stop = stop_and_go(from, to.position, limits);
     let stop = to.rests().then_some(stop);
     let ways = [found, brake, stop].into_iter().flatten();
@@ -135,7 +136,8 @@ pub fn plan_to(
     }
 }
 
-/// Plans the motion of a task that takes `duration_s` (s); `None` if rsruckig finds none that keeps the limits.
+/// Plans the motion of a task that takes `duration_s` (s); `None` if none is found that keeps the limits, and from beyond the
+/// velocity limit neither stays there longer than necessary nor reverses.
 #[must_use]
 pub fn plan_lasting(task: &AxisTask, duration_s: f64) -> Option<Phases> {
     let beginning = task.from.position;
@@ -147,7 +149,30 @@ pub fn plan_lasting(task: &AxisTask, duration_s: f64) -> Option<Phases> {
     if !(limits_are_valid(&task.limits) && from.is_finite() && to.is_finite()) {
         return None;
     }
-    let problem = GoalProblem::lasting(&from, &to, &task.limits, duration_s);
+    let limits = &task.limits;
+    let at_limit = most_velocity(&from, limits) > limits.velocity * (1.0 - NEAR_LIMIT);
+    let sound = |way: &Phases| {
+        let lasts = (way.duration_s() - duration_s).abs() <= TOLERANCE * duration_s;
+        let returns = || exceeds_longer(way, &from, limits) || turns_back(way, &from);
+        lasts && keeps(way, &from, &to, limits) && !(at_limit && returns())
+    };
+    let brake_first = || {
+        brake_first(&from, limits, |at, brake_s| {
+            lasting(at, &to, limits, duration_s - brake_s)
+        })
+    };
+    let found = lasting(&from, &to, limits, duration_s).filter(sound);
+    found.or_else(|| at_limit.then(brake_first).flatten().filter(sound))
+}
+
+/// Runs rsruckig's solver for a motion of this duration, s.
+fn lasting(
+    from: &AxisState,
+    to: &AxisState,
+    limits: &MotionLimits,
+    duration_s: f64,
+) -> Option<Phases> {
+    let problem = GoalProblem::lasting(from, to, limits, duration_s);
     let ScaledProblem {
         from: (v0, a0),
         to: (vf, af),
@@ -159,12 +184,8 @@ pub fn plan_lasting(task: &AxisTask, duration_s: f64) -> Option<Phases> {
     let (p0, v0, a0) = braked(&mut profile, [v0, a0], [v, a, j]);
     let left = duration_s / problem.unit_s - profile.brake.duration;
     let mut step = PositionThirdOrderStep2::new(left, p0, v0, a0, way, vf, af, v, -v, a, -a, j);
-    if !step.get_profile(&mut profile) {
-        return None;
-    }
-    let phases = problem.phases(&profile, task.limits.jerk);
-    let lasts = (phases.duration_s() - duration_s).abs() <= TOLERANCE * duration_s;
-    (lasts && keeps(&phases, &from, &to, &task.limits)).then_some(phases)
+    step.get_profile(&mut profile)
+        .then(|| problem.phases(&profile, limits.jerk))
 }
 
 /// Returns true if a motion that begins beyond the velocity limit, or cannot avoid it, stays beyond it for longer than the
@@ -224,8 +245,12 @@ fn turns_back(way: &Phases, from: &AxisState) -> bool {
     least < -TOLERANCE * most.max(-least)
 }
 
-/// Brakes into the velocity limit and continues from there; `None` if the result violates a limit.
-fn brake_first(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Phases> {
+/// Brakes into the velocity limit and continues as `rest` does from there, after that many s; `None` if it finds nothing.
+fn brake_first(
+    from: &AxisState,
+    limits: &MotionLimits,
+    rest: impl FnOnce(&AxisState, f64) -> Option<Phases>,
+) -> Option<Phases> {
     let MotionLimits { velocity, jerk, .. } = *limits;
     let left = from.coasting(jerk);
     let cruise = if left.abs() > velocity * (1.0 - NEAR_LIMIT) {
@@ -234,12 +259,12 @@ fn brake_first(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Optio
         left
     };
     let brake = to_velocity(from, cruise, limits);
-    let mut at = Phases::of(&[&brake]).end(*from);
+    let braking = Phases::of(&[&brake]);
+    let mut at = braking.end(*from);
     (at.velocity, at.acceleration) = (cruise, 0.0);
-    let rest = fastest(&at, to, limits)?;
+    let rest = rest(&at, braking.duration_s())?;
     // At a limit there is nothing to brake: its first two phases are empty.
-    let way = Phases::of(&[&brake, rest.0.get(2..)?]);
-    keeps(&way, from, to, limits).then_some(way)
+    Some(Phases::of(&[&brake, rest.0.get(2..)?]))
 }
 
 /// Runs rsruckig's solver. A long phase at constant speed is cut out before and inserted again afterwards.

@@ -132,7 +132,9 @@ fn together(tasks: &[AxisTask]) -> Vec<Phases> {
 fn assert_kept(task: &AxisTask, way: &Phases) {
     let AxisTask { from, goal, limits } = task;
     let end = way.end(*from);
-    let range = (goal - from.position).abs() + limits.velocity * way.duration_s();
+    let inevitable = from.velocity.abs().max(from.coasting(limits.jerk).abs());
+    let velocity = limits.velocity.max(inevitable);
+    let range = (goal - from.position).abs() + velocity * way.duration_s();
     assert!(
         (end.position - goal).abs() <= 1e-9 * range,
         "{task:?} {end:?}"
@@ -141,11 +143,10 @@ fn assert_kept(task: &AxisTask, way: &Phases) {
         end.velocity.abs().max(end.acceleration.abs()) <= 1e-8,
         "{task:?} {end:?}"
     );
-    let inevitable = from.velocity.abs().max(from.coasting(limits.jerk).abs());
-    let velocity = limits.velocity.max(inevitable) * (1.0 + 1e-9);
     let acceleration = limits.acceleration.max(from.acceleration.abs()) * (1.0 + 1e-9);
     for corner in way.extrema(*from) {
-        let kept = corner.velocity.abs() <= velocity && corner.acceleration.abs() <= acceleration;
+        let kept = corner.velocity.abs() <= velocity * (1.0 + 1e-9)
+            && corner.acceleration.abs() <= acceleration;
         assert!(kept, "{task:?} {corner:?}");
     }
     for (duration_s, jerk) in way.0 {
@@ -235,6 +236,61 @@ fn random_axes_in_motion_always_end_together() {
             assert!(late_s <= 1e-9 * end_s, "{late_s} of {end_s}: {tasks:?}");
         }
     }
+}
+
+#[test]
+fn a_lower_speed_in_motion_makes_no_axis_reverse_although_all_end_together() {
+    let mut random = Rng::with_seed(5);
+    let mut slowed = 0;
+    for _ in 0..20_000 {
+        let mut tasks = [AxisTask::NONE; 7];
+        let share = random.uniform(0.02, 0.9);
+        for task in &mut tasks {
+            let limits = MotionLimits {
+                velocity: random.uniform(0.5, 3.0),
+                acceleration: random.uniform(1.0, 20.0),
+                jerk: random.uniform(20.0, 1000.0),
+            };
+            // On its way to its goal with the full speed, at any time.
+            let goal = random.uniform(-2.0, 2.0);
+            let way = plan(&AxisState::at_rest(0.0), goal, &limits);
+            let from = at(
+                &way,
+                AxisState::at_rest(0.0),
+                random.uniform(0.0, 0.9) * way.duration_s(),
+            );
+            let velocity = share * limits.velocity;
+            let limits = MotionLimits { velocity, ..limits };
+            *task = AxisTask { from, goal, limits };
+        }
+        let ways = together(&tasks);
+        let end_s = ways.iter().map(Phases::duration_s).fold(0.0, f64::max);
+        for (task, way) in tasks.iter().zip(&ways) {
+            assert_kept(task, way);
+            let late_s = end_s - way.duration_s();
+            // It already brakes into its goal.
+            let stop = Phases::of(&[&to_velocity(&task.from, 0.0, &task.limits)]);
+            let stops_there = (stop.end(task.from).position - task.goal).abs() <= 1e-9;
+            assert!(
+                late_s <= 1e-9 * end_s || stops_there,
+                "{late_s} of {end_s}: {task:?}"
+            );
+            if task.from.velocity.abs() <= task.limits.velocity {
+                continue;
+            }
+            slowed += 1;
+            // Alone it reverses only if it cannot stop before its goal.
+            let reverses = |way: &Phases| {
+                let towards = |state: AxisState| state.velocity * task.from.velocity.signum();
+                way.extrema(task.from).map(towards).fold(0.0, f64::min) < -1e-9
+            };
+            assert!(
+                reverses(&plan(&task.from, task.goal, &task.limits)) || !reverses(way),
+                "{task:?} {way:?}"
+            );
+        }
+    }
+    assert!(slowed > 10_000, "{slowed}");
 }
 
 #[test]

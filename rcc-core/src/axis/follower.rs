@@ -80,11 +80,11 @@ impl AxisFollower {
         self.now.rests() && self.now.position == self.goal
     }
 
-    /// Returns true if the next step towards this goal would plan a motion.
+    /// Returns whether the next step towards this goal would plan a motion; `None` if the goal counts as none.
     #[must_use]
-    pub fn plans(&self, goal: f64, limits: &MotionLimits) -> bool {
-        self.reachable(Some(goal), limits)
-            .is_some_and(|goal| !self.follows(goal, limits))
+    pub fn plans(&self, goal: f64, limits: &MotionLimits) -> Option<bool> {
+        let goal = self.reachable(Some(goal), limits)?;
+        Some(!self.follows(goal, limits))
     }
 
     /// Begins a motion to `goal` that was planned from its state with these limits; the next step follows it.

@@ -23,8 +23,8 @@ impl AxisTask {
     };
 }
 
-/// Searches for a common duration: that of the slowest axis, then that of the slowest of those which cannot take so long, and
-/// at last one that all can take.
+/// Searches for a common duration: that of the slowest axis, then that after a stop of the slowest of those which cannot take
+/// so long, and at last that after a stop of the slowest of all, which all can take.
 const SEARCHES: usize = 3;
 
 /// A duration that is shorter than another one by less than this fraction counts as equal.
@@ -44,7 +44,11 @@ pub fn plan_together(
         *way = fastest(task);
         end_s = f64::max(end_s, way.duration_s());
     }
-    for _ in 0..SEARCHES {
+    let stop_and_go_s = |task: &AxisTask| {
+        let AxisTask { from, goal, limits } = task;
+        stop_and_go(from, *goal, limits).duration_s()
+    };
+    for search in 1..=SEARCHES {
         let mut later_s = end_s;
         for ((task, soonest), way) in tasks.iter().zip(&soonest).zip(ways.iter_mut()) {
             let slowed = slowed(task, soonest, end_s)
@@ -52,12 +56,14 @@ pub fn plan_together(
                 .or_else(|| stop_and_go_in(task, end_s));
             *way = slowed.unwrap_or(*soonest);
             if slowed.is_none() {
-                let AxisTask { from, goal, limits } = task;
-                later_s = later_s.max(stop_and_go(from, *goal, limits).duration_s());
+                later_s = later_s.max(stop_and_go_s(task));
             }
         }
         if later_s <= end_s {
             return;
+        }
+        if search + 1 == SEARCHES {
+            later_s = tasks.iter().map(stop_and_go_s).fold(later_s, f64::max);
         }
         end_s = later_s;
     }

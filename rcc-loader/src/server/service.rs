@@ -27,6 +27,7 @@ use super::executor::{ExecutorConnection, ExecutorLink, TableSnapshot};
 use super::published::Published;
 use super::store::CommandStore;
 use configuration::WatchedFiles;
+pub use load::CompiledText;
 pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
 pub use stream::{EventStream, STREAM_NETS_MAX, StreamRequest, USUAL_RATE_MAX};
 

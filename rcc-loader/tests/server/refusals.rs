@@ -246,7 +246,7 @@ fn a_motion_that_its_given_velocity_makes_slow_is_told_with_the_place_and_the_re
     let words = names.rehearsal(&rehearsed, &net).words;
     let joint = &config.devices[0].robot.as_ref().expect("an arm").joints[3].name;
     let expected = format!(
-        "`move` takes 3.40 s where its limits allow 1.98 s, because its velocity is given and the acceleration of joint {joint} at \
+        "`move` takes 3.40 s where its limits allow 1.98 s, because its velocity is given and the acceleration of {joint} at \
          25 % of leg 2 bounds all of it: `time_optimal: true` uses what every place allows, up to that velocity"
     );
     assert!(words.contains(&expected), "{words}");

@@ -31,13 +31,14 @@ pub(super) fn goal_net(by: f64, cycles: u32, start: i64) -> GoalNet {
     let state = plan.reals(&[0.0; JOINTS_MAX * AXIS_WORDS]);
     let time = plan.reals(&[f64::NAN]);
     let end = plan.reals(&[f64::from(cycles) * 1e-3]);
-    plan.data.ints.push(start);
-    let start = plan.data.ints.len() as u32 - 1;
+    plan.data.ints.extend([start, 0]);
+    let synchronize = plan.data.ints.len() as u32 - 1;
+    let start = synchronize - 1;
     plan.add("Cancel", &[requested]);
     plan.add("Time", &[time]);
     plan.add("Greater", &[time, end, over]);
     let outputs = [position, velocity, done, accepted];
-    let parameters = [0, one, null, null, null, start];
+    let parameters = [0, one, null, null, null, start, synchronize];
     plan.add(
         "JointGoal",
         &[&[goal, one, stop][..], &outputs, &parameters, &[state, 7]].concat(),

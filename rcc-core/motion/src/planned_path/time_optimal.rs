@@ -1,9 +1,10 @@
 //! Time laws with which a path is travelled soonest, or nearly so, from rest to rest, under limits of velocity,
 //! acceleration and jerk. Used when a motion is built; allocates.
 //!
-//! A profile without jerk limits ([`topp_ra`]), smoothed over a window, is the first law; an interior-point method
-//! ([`barrier`]) improves it, with the reserve of `stops: keep`; with less to reserve, it then improves that law further. For a law that is to be found quickly the method
-//! ends early. Both work with samples of the path. The result is then sampled closely and made slower as a whole until it keeps every
+//! A profile without jerk limits ([`topp_ra`]), smoothed over a window, is the first law. An interior-point method
+//! ([`barrier`]) improves it, with the reserve of `stops: keep`; for `stops: give` it improves the result further with the
+//! smaller reserve. For the adapted law, which is to be found quickly, it ends after few steps.
+//! Both work with samples of the path. The result is then sampled closely and made slower as a whole until it keeps every
 //! limit with a margin, so keeping the limits does not depend on the method.
 
 use core::ops::Range;
@@ -71,9 +72,10 @@ impl LawReserve {
 /// Fraction by which a law is slower than its limits allow, because of rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// A law is searched if an estimate promises less than this fraction of the time of the even motion; the search takes longer
-/// than everything else that is planned. It is used if it takes less than the second one.
+/// A law is searched if an estimate promises less than this fraction of the time of the even motion: the search takes longer
+/// than everything else that is planned.
 const PROMISING: f64 = 0.8;
+/// A law that was found is used if it takes less than this fraction of the time of the even motion.
 const WORTHWHILE: f64 = 0.95;
 
 /// A law that is found quickly: what is reserved, so that a pause or an override takes effect soon. With 15 % it would end

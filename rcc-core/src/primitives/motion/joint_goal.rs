@@ -1,4 +1,5 @@
-//! `JointGoal`: moves the joints of an arm to a goal that may change in any cycle, each as fast as its limits allow.
+//! `JointGoal`: moves the joints of an arm to a goal that may change in any cycle, each as fast as its limits allow, or all so
+//! that they arrive together.
 //!
 //! The path in between is unspecified, also with `synchronize: time`. Use a motion along a path where the path matters.
 //!
@@ -38,7 +39,7 @@ const TIME: i64 = 1;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointGoal",
-        summary: "Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow.",
+        summary: "Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow, or all in the same time.",
         null: "a null element of `goal` or a null `speed` brings all joints to rest and keeps them there; a null `stop` counts \
                as true",
         null_rule: NullRule::Known,
@@ -111,8 +112,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "synchronize",
                 ParameterKind::Word(SYNCHRONIZATIONS),
-                "none: each joint arrives as soon as it can; time: all arrive together, as soon as the slowest can, and are planned \
-                 anew together when goal or limits change; a stop brakes each joint as fast as it can",
+                "none: each joint arrives as soon as it can; time: all arrive together, from rest when the slowest can, in motion \
+                 later if a joint cannot take exactly so long; a stop brakes each joint as fast as it can",
             )
             .default(DefaultValue::Word("none")),
         ],
@@ -166,7 +167,8 @@ impl JointGoal {
         Some(())
     }
 
-    /// Begins motions that end together if one of them would be planned now.
+    /// Begins motions that end together if one of them would be planned now; while a joint is not known or has no goal
+    /// within its reach, each acts by itself.
     fn plan_together(
         self,
         frame: &mut Frame<'_>,
@@ -176,19 +178,20 @@ impl JointGoal {
         let width = self.width as usize;
         let mut followers = [AxisFollower::at_rest(0.0); JOINTS_MAX];
         let mut tasks = [AxisTask::NONE; JOINTS_MAX];
-        let (mut changed, mut known) = (false, true);
-        for (joint, slot) in self.axes().take(width).enumerate() {
-            let follower = AxisFollower::from_words(&frame.get(slot)?);
-            tasks[joint] = AxisTask {
-                from: follower.state(),
-                goal: goal[joint],
-                limits: limits[joint],
+        let mut changed = false;
+        let wanted = goal.iter().zip(limits).zip(self.axes());
+        let places = followers.iter_mut().zip(&mut tasks).take(width);
+        for ((follower, task), ((goal, limits), slot)) in places.zip(wanted) {
+            *follower = AxisFollower::from_words(&frame.get(slot)?);
+            let from = follower.state();
+            let Some(plans) = follower.plans(*goal, limits).filter(|_| from.is_finite()) else {
+                return Some(());
             };
-            known &= follower.state().is_finite();
-            changed |= follower.plans(goal[joint], &limits[joint]);
-            followers[joint] = follower;
+            let (goal, limits) = (*goal, *limits);
+            *task = AxisTask { from, goal, limits };
+            changed |= plans;
         }
-        if !(known && changed) {
+        if !changed {
             return Some(());
         }
         let mut ways = [Phases::default(); JOINTS_MAX];

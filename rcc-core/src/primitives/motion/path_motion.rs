@@ -299,7 +299,7 @@ pub(super) const FLANGE: [Parameter; 6] = [
     limit(
         "velocity",
         Unit::METRE_PER_SECOND,
-        "speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path",
+        "speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is much sooner than one acceleration for the whole path",
     ),
     limit(
         "acceleration",

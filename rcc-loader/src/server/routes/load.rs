@@ -1,6 +1,7 @@
-//! The routes of texts. LOAD answers with an id, and the text is compiled afterwards; a check compiles it and loads nothing.
+//! The routes of texts. LOAD answers with an id, and the text is compiled meanwhile; a check compiles it and loads nothing.
 //! Run by the serving thread; reserving and compiling are the work of blocking threads.
 
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -18,6 +19,7 @@ use rcc_core::message::CommandState;
 use rcc_core::printable::Printable;
 use serde::Deserialize;
 use tokio::sync::oneshot;
+use tokio::task::JoinError;
 
 use super::interface::Query;
 use super::requests::{blocking, text_of, too_many_of};
@@ -27,7 +29,7 @@ use crate::server::caller::Caller;
 use crate::server::error::ErrorResponse;
 use crate::server::fair_queue::FairQueue;
 use crate::server::peer::ClientPeer;
-use crate::server::service::Service;
+use crate::server::service::{CompiledText, Service};
 
 /// Longest time that the answer to LOAD waits, ms.
 const WAIT_MAX_MS: u64 = 5000;
@@ -79,9 +81,13 @@ pub(super) async fn load(
     });
     let id = answered.await.unwrap_or_else(|_| Err(not_loaded()))?;
     let wait = Duration::from_millis(query.wait_ms);
-    let state = match tokio::time::timeout(wait, loading).await {
-        Ok(loaded) => loaded.unwrap_or(CommandState::Rejected),
-        Err(_) => CommandState::Loading,
+    let state = match wait.is_zero() {
+        // The answer of a client that does not wait does not depend on who is faster.
+        true => CommandState::Loading,
+        false => match tokio::time::timeout(wait, loading).await {
+            Ok(loaded) => loaded.unwrap_or(CommandState::Rejected),
+            Err(_) => CommandState::Loading,
+        },
     };
     let state = state.name().to_owned();
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
@@ -131,36 +137,65 @@ async fn load_text(
     let text = match text_of(body, "the text is") {
         Ok(text) => Arc::new(text),
         Err(error) => {
+            // A client that is gone needs no answer.
             let _ = answer.send(Err(error));
             return CommandState::Rejected;
         }
     };
+    let (service, to_reserve, to_compile) = (
+        Arc::clone(&state.service),
+        Arc::clone(&text),
+        Arc::clone(&text),
+    );
     let reserving = async {
-        let text = Arc::clone(&text);
-        let reserve = move |service: &Service| service.reserve(&caller, &text);
-        let reserved = blocking(state.clone(), reserve).await;
+        let reserve = move |service: &Service| service.reserve(&caller, &to_reserve);
+        let reserved = blocking(state, reserve).await;
         let id = reserved.as_ref().ok().copied();
         (id, answer.send(reserved).is_ok())
     };
     let compiling = async {
         let turn = turns.take(peer).await;
-        let (service, text) = (Arc::clone(&state.service), Arc::clone(&text));
-        let compiled = tokio::task::spawn_blocking(move || service.compile(&text, &file));
-        (compiled.await, turn)
+        let service = Arc::clone(&service);
+        let compiling = move || service.compile(&to_compile, &file);
+        let compiled = tokio::task::spawn_blocking(compiling).await;
+        // The executor is not waited for with a turn.
+        drop(turn);
+        compiled
     };
-    let ((id, is_awaited), (compiled, _turn)) = tokio::join!(reserving, compiling);
+    let (mut reserving, mut compiling) = (pin!(reserving), pin!(compiling));
+    let mut compiled = None;
+    let (id, is_awaited) = loop {
+        tokio::select! {
+            reserved = &mut reserving => break reserved,
+            done = &mut compiling, if compiled.is_none() => compiled = Some(done),
+        }
+    };
     let Some(id) = id else {
         return CommandState::Rejected;
     };
-    let service = Arc::clone(&state.service);
     if !is_awaited {
+        let service = Arc::clone(&service);
         // Nobody knows the id. On a panic, which the panic hook reports, `maintain` finds it.
         let _ = tokio::task::spawn_blocking(move || service.discard(id)).await;
         return CommandState::Rejected;
     }
+    let compiled = match compiled {
+        Some(compiled) => compiled,
+        None => compiling.await,
+    };
+    let _turn = turns.take(peer).await;
+    install(Arc::clone(&service), id, (text, compiled)).await
+}
+
+/// Installs what was compiled from a text.
+async fn install(
+    service: Arc<Service>,
+    id: u64,
+    (text, compiled): (Arc<String>, Result<CompiledText, JoinError>),
+) -> CommandState {
     let installed = match compiled {
         Ok(compiled) => {
-            let text = Arc::unwrap_or_clone(text);
+            let (service, text) = (Arc::clone(&service), Arc::unwrap_or_clone(text));
             tokio::task::spawn_blocking(move || service.install(id, text, compiled)).await
         }
         Err(error) => Err(error),
@@ -169,7 +204,6 @@ async fn load_text(
         Ok(state) => state,
         Err(error) => {
             tracing::error!(id, %error, "a load panicked");
-            let service = state.service;
             // On a panic, which the panic hook reports, `maintain` finds it.
             let _ = tokio::task::spawn_blocking(move || service.fail(id)).await;
             CommandState::Rejected
