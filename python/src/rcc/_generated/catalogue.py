@@ -831,7 +831,7 @@ class Jacobian(Block):
 
 
 class JointGoal(Block):
-    """Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow."""
+    """Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow, or all in the same time."""
 
     @property
     def position(self) -> Port:
@@ -2780,7 +2780,7 @@ class Primitives(Base):
         to: Pose: flange at the end, in the arm's base; with `angle`, another point of the circle
         angle: Real [rad]: angle of the arc, replaces the end at `to`; deg(360) for a full circle; negative: opposite direction; default null
         orientation: even, constant, path: even: rotates evenly from the orientation of the start to that of `to`; constant: stays constant; path: rotates with the circle; default even
-        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path; default null
+        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is much sooner than one acceleration for the whole path; default null
         acceleration: Real [m/s^2]: largest acceleration of the flange; if omitted, limited by the joints; default null
         jerk: Real [m/s^3]: largest jerk of the flange; if omitted, limited by the joints; default null
         angular_velocity: Real [rad/s]: largest angular speed; if omitted, limited by the joints; default null
@@ -3586,7 +3586,7 @@ class Primitives(Base):
         stop: Source = UNSET,
         name: str | None = None,
     ) -> JointGoal:
-        """Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow.
+        """Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow, or all in the same time.
 
         device: device with an arm: name of an arm in the cell's configuration
         scale: Real [1]: fraction of the velocity, acceleration and jerk limits of the robot's configuration to use; default 1
@@ -3594,7 +3594,7 @@ class Primitives(Base):
         acceleration: Real [rad/s^2 or m/s^2]: acceleration limit of every joint, if lower than the configured one; default null
         jerk: Real [rad/s^3 or m/s^3]: jerk limit of every joint, if lower than the configured one; default null
         start: hold, continue: hold: begins at rest where the arm is held at LOAD or START; continue: begins from position, velocity and acceleration that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held; default hold
-        synchronize: none, time: none: each joint arrives as soon as it can; time: all arrive together, as soon as the slowest can, and are planned anew together when goal or limits change; a stop brakes each joint as fast as it can; default none
+        synchronize: none, time: none: each joint arrives as soon as it can; time: all arrive together, from rest when the slowest can, in motion later if a joint cannot take exactly so long; a stop brakes each joint as fast as it can; default none
         goal: Real[joints] [rad or m]: goal, A1 first; counts as null if an element is outside its joint's range
         speed: Real [1]: fraction of the velocity limit to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop); default 1
         stop: Bool: while true, all joints brake to rest and stay there; afterwards they continue; default false
@@ -3822,7 +3822,7 @@ class Primitives(Base):
         device: device with an arm: name of an arm in the cell's configuration
         to: Pose: flange at the end, in the arm's base
         from_: Pose: flange at the start, with joints near the hold set-point; START is refused if the arm is elsewhere; if omitted, the arm's hold set-point; default null
-        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path; default null
+        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is much sooner than one acceleration for the whole path; default null
         acceleration: Real [m/s^2]: largest acceleration of the flange; if omitted, limited by the joints; default null
         jerk: Real [m/s^3]: largest jerk of the flange; if omitted, limited by the joints; default null
         angular_velocity: Real [rad/s]: largest angular speed; governs instead of `velocity` on a line with a large rotation over a short distance; default 1
@@ -5060,7 +5060,7 @@ class Primitives(Base):
 
         device: device with an arm: name of an arm in the cell's configuration
         through: poses: poses of the flange in the arm's base through which the curve passes, up to 128; the last one is the end
-        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is sooner than with one acceleration for the whole path; default null
+        velocity: Real [m/s]: speed along the path: guaranteed, or the motion is refused; if omitted, about as fast as the joints allow, by a time law where that is much sooner than one acceleration for the whole path; default null
         acceleration: Real [m/s^2]: largest acceleration of the flange; if omitted, limited by the joints; default null
         jerk: Real [m/s^3]: largest jerk of the flange; if omitted, limited by the joints; default null
         angular_velocity: Real [rad/s]: largest angular speed; if omitted, limited by the joints; default null
