@@ -115,7 +115,6 @@ impl Service {
     }
 
     /// Compiles a text; `file_name` appears in the findings.
-    #[must_use]
     pub fn compile(&self, text: &str, file_name: &str) -> CompiledText {
         compile::compile(text, file_name, &self.devices)
     }
