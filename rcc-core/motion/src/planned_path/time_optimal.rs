@@ -79,7 +79,7 @@ const PROMISING: f64 = 0.8;
 const WORTHWHILE: f64 = 0.95;
 
 /// A law that is found quickly: what is reserved, so that a pause or an override takes effect soon. With 15 % it would end
-/// 2 to 10 % sooner, but take twice as long to pause.
+/// 2 to 10 % sooner, but take half as long again to pause.
 const ADAPTED: LawReserve = LawReserve {
     fraction: 0.3,
     wait_cycles: 10.0,
