@@ -152,14 +152,9 @@ impl Motions for () {
 
     /// Without a planner: as above.
     fn plan_axes(&mut self, tasks: &[AxisTask], ways: &mut [Phases]) {
-        stop_and_go_together(tasks, ways);
+        let soonest = |task: &AxisTask| stop_and_go(&task.from, task.goal, &task.limits);
+        plan_together(tasks, ways, soonest, |_, _| None);
     }
-}
-
-/// Plans as [`plan_together`], with stops first where an axis moves.
-pub(crate) fn stop_and_go_together(tasks: &[AxisTask], ways: &mut [Phases]) {
-    let soonest = |task: &AxisTask| stop_and_go(&task.from, task.goal, &task.limits);
-    plan_together(tasks, ways, soonest, |_, _| None);
 }
 
 /// Builds the motions of a net that is being prepared; off the real-time thread.

@@ -7,7 +7,7 @@ use std::vec::Vec;
 
 use bytemuck::Zeroable;
 
-use crate::axis::{AxisState, AxisTask, Phases, stop_and_go};
+use crate::axis::{AxisState, AxisTask, Phases};
 use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use crate::impedance::ImpedanceLimits;
 use crate::joints::{ArmMotion, JOINTS_MAX, JointLimits, Joints};
@@ -15,7 +15,6 @@ use crate::kinematics::Arm;
 use crate::message::Measurement;
 use crate::path::{
     MotionBuilder, MotionLimits, MotionState, Motions, PathRequest, PathState, SpeedOverride,
-    stop_and_go_together,
 };
 use crate::pose::Pose;
 use crate::primitive::{CatalogueEntry, Kernel, Operand, Size, Sizes};
@@ -66,11 +65,11 @@ impl Motions for EndlessMotion {
     }
 
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
-        stop_and_go(from, goal, limits)
+        ().plan_axis(from, goal, limits)
     }
 
     fn plan_axes(&mut self, tasks: &[AxisTask], ways: &mut [Phases]) {
-        stop_and_go_together(tasks, ways);
+        ().plan_axes(tasks, ways);
     }
 }
 

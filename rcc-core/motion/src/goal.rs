@@ -15,10 +15,9 @@ use rcc_core::path::MotionLimits;
 use rsruckig::block::Block;
 use rsruckig::position_third_step1::PositionThirdOrderStep1;
 use rsruckig::position_third_step2::PositionThirdOrderStep2;
-use rsruckig::prelude::Profile;
 use thiserror::Error;
 
-use problem::{GoalProblem, ScaledProblem};
+use problem::{GoalProblem, ScaledProblem, start};
 
 mod problem;
 
@@ -173,16 +172,15 @@ fn lasting(
     duration_s: f64,
 ) -> Option<Phases> {
     let problem = GoalProblem::lasting(from, to, limits, duration_s);
+    let mut profile = problem.braked();
+    let left = duration_s / problem.unit_s - profile.brake.duration;
+    let [p0, v0, a0] = start(&profile);
     let ScaledProblem {
-        from: (v0, a0),
         to: (vf, af),
         way,
         limits: [v, a, j],
+        ..
     } = problem.scaled;
-    let mut profile = Profile::default();
-    profile.set_boundary(0.0, v0, a0, way, vf, af);
-    let (p0, v0, a0) = braked(&mut profile, [v0, a0], [v, a, j]);
-    let left = duration_s / problem.unit_s - profile.brake.duration;
     let mut step = PositionThirdOrderStep2::new(left, p0, v0, a0, way, vf, af, v, -v, a, -a, j);
     step.get_profile(&mut profile)
         .then(|| problem.phases(&profile, limits.jerk))
@@ -269,32 +267,19 @@ fn brake_first(
 
 /// Runs rsruckig's solver. A long phase at constant speed is cut out before and inserted again afterwards.
 fn fastest(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Phases> {
-    let task = GoalProblem::of(from, to, limits);
+    let problem = GoalProblem::of(from, to, limits);
+    let profile = problem.braked();
+    let [p0, v0, a0] = start(&profile);
     let ScaledProblem {
-        from: (v0, a0),
         to: (vf, af),
         way,
         limits: [v, a, j],
-    } = task.scaled;
-    let mut profile = Profile::default();
-    profile.set_boundary(0.0, v0, a0, way, vf, af);
-    let (p0, v0, a0) = braked(&mut profile, [v0, a0], [v, a, j]);
+        ..
+    } = problem.scaled;
     let mut step = PositionThirdOrderStep1::new(p0, v0, a0, way, vf, af, v, -v, a, -a, j);
     let mut block = Block::default();
-    if !step.get_profile(&profile, &mut block) {
-        return None;
-    }
-    Some(task.phases(&block.p_min, limits.jerk))
-}
-
-/// Lets a profile begin with the brake into the limits of velocity, acceleration and jerk; returns position, velocity and
-/// acceleration at its end.
-fn braked(profile: &mut Profile, [v0, a0]: [f64; 2], [v, a, j]: [f64; 3]) -> (f64, f64, f64) {
-    let brake = &mut profile.brake;
-    brake.get_position_brake_trajectory(v0, a0, v, -v, a, -a, j);
-    let ([p0, ..], [v0, ..], [a0, ..]) = (&mut profile.p, &mut profile.v, &mut profile.a);
-    brake.finalize(p0, v0, a0);
-    (*p0, *v0, *a0)
+    step.get_profile(&profile, &mut block)
+        .then(|| problem.phases(&block.p_min, limits.jerk))
 }
 
 /// The velocity limit, or the velocity that the state makes inevitable if that is greater.

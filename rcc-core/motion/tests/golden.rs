@@ -202,21 +202,25 @@ fn axes_that_end_together_take_as_long_as_those_of_the_official_ruckig() {
     assert_eq!((from_rest, in_motion), (29, 19));
 }
 
+fn random_limits(random: &mut Rng) -> MotionLimits {
+    MotionLimits {
+        velocity: random.uniform(0.5, 3.0),
+        acceleration: random.uniform(1.0, 20.0),
+        jerk: random.uniform(20.0, 1000.0),
+    }
+}
+
 #[test]
 fn random_axes_in_motion_always_end_together() {
     let mut random = Rng::with_seed(3);
     for _ in 0..20_000 {
         let mut tasks = [AxisTask::NONE; 7];
         for task in &mut tasks {
-            let limits = MotionLimits {
-                velocity: random.uniform(0.5, 3.0),
-                acceleration: random.uniform(1.0, 20.0),
-                jerk: random.uniform(20.0, 1000.0),
-            };
+            let limits = random_limits(&mut random);
             let moving = !random.once_in(4);
             let share = |random: &mut Rng| f64::from(u8::from(moving)) * random.uniform(-0.9, 0.9);
             let acceleration = share(&mut random) * limits.acceleration;
-            // What an acceleration still adds to the velocity keeps its limit.
+            // Reducing the acceleration to 0 adds a²/2j to the velocity; the sum is within its limit.
             let left = limits.velocity - acceleration * acceleration / (2.0 * limits.jerk);
             *task = AxisTask {
                 from: AxisState {
@@ -246,11 +250,7 @@ fn a_lower_speed_in_motion_makes_no_axis_reverse_although_all_end_together() {
         let mut tasks = [AxisTask::NONE; 7];
         let share = random.uniform(0.02, 0.9);
         for task in &mut tasks {
-            let limits = MotionLimits {
-                velocity: random.uniform(0.5, 3.0),
-                acceleration: random.uniform(1.0, 20.0),
-                jerk: random.uniform(20.0, 1000.0),
-            };
+            let limits = random_limits(&mut random);
             // On its way to its goal with the full speed, at any time.
             let goal = random.uniform(-2.0, 2.0);
             let way = plan(&AxisState::at_rest(0.0), goal, &limits);

@@ -14,9 +14,6 @@ use rcc_testing::quantile;
 /// Motions of each kind and robot.
 const EACH: usize = 100;
 
-/// The same with one acceleration for the whole path.
-const EACH_UNIFORM: usize = 40;
-
 /// Computes `count` results, in their order, on all processors.
 fn on_all_processors<T: Send>(count: usize, result: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
@@ -41,21 +38,16 @@ fn on_all_processors<T: Send>(count: usize, result: impl Fn(usize) -> T + Sync) 
 fn random_motions_stay_on_their_path_and_within_their_limits_under_any_override() {
     let robots = robots();
     for (kind, pace) in kinds_and_paces() {
-        // Without a given speed the default differs from it.
-        let each = match pace {
-            SpeedProfile::Uniform => EACH_UNIFORM,
-            _ => EACH,
-        };
         let mut tally = Tally::default();
-        let outcomes = on_all_processors(robots.len() * each, |index| {
-            case((kind, pace), &robots[index / each], (index % each) as u64)
+        let outcomes = on_all_processors(robots.len() * EACH, |index| {
+            case((kind, pace), &robots[index / EACH], (index % EACH) as u64)
         });
         for (index, outcome) in outcomes.into_iter().enumerate() {
             if let Some(fault) = tally.count(outcome) {
-                let robot = &robots[index / each].name;
+                let robot = &robots[index / EACH].name;
                 println!(
                     "{kind:?}, {pace:?}, of {robot}, seed {}: {fault}",
-                    index % each
+                    index % EACH
                 );
             }
         }

@@ -165,8 +165,9 @@ fn random_legs_keep_every_limit_whenever_their_conditions_hold() {
         let pace = PACES[random.below(PACES.len())];
         if random.once_in(2) {
             // Without a given speed the adaptive profile may follow a time law.
-            legs.iter_mut()
-                .for_each(|leg| leg.line = MotionLimits::NONE);
+            for leg in &mut legs {
+                leg.line = MotionLimits::NONE;
+            }
         }
         let Ok(mut motions) = built(&legs, pace) else {
             refused += 1;

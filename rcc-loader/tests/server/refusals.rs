@@ -1,10 +1,11 @@
 //! The message of every refusal of the executor.
 
+use rcc_config::CellConfig;
 use rcc_core::path::Quantity;
 use rcc_protocol::rehearsal::{LimitPeak, RehearsalEnd, RehearsalReport, SlowMotion};
+use rcc_protocol::rules::RuleFault;
 
 use super::*;
-use rcc_protocol::rules::RuleFault;
 
 /// Returns names with which command 3 publishes a topic that command 8 subscribes to with another type.
 fn names_with_topic(id: u64) -> Names {
@@ -34,16 +35,25 @@ fn names_with_topic(id: u64) -> Names {
     }
 }
 
+/// Names nets by their ids, and knows nothing else beside the configuration.
+fn plain_names(config: &CellConfig) -> NameResolver<'_> {
+    NameResolver {
+        disagreement: &|_| None,
+        config,
+        net: &|id| format!("net#{id}"),
+        names: &|_| Names::default(),
+        reason: &|_, _| String::new(),
+        condition: &|_| None,
+    }
+}
+
 #[test]
 fn every_refusal_has_a_code_names_and_a_remedy() {
     let config = config();
     let names = NameResolver {
-        disagreement: &|_| None,
-        config: &config,
-        net: &|id| format!("net#{id}"),
         names: &names_with_topic,
         reason: &|_, reason| format!("because {reason}"),
-        condition: &|_| None,
+        ..plain_names(&config)
     };
     let device = |violation| Refusal::FirstSetPoint {
         device: 0,
@@ -176,12 +186,8 @@ fn a_device_that_is_not_ready_is_told_with_its_state_reason_and_remedy() {
     let config = config();
     let condition = (DeviceState::Offline, "the device sends nothing".to_owned());
     let names = NameResolver {
-        disagreement: &|_| None,
-        config: &config,
-        net: &|id| format!("net#{id}"),
-        names: &|_| Names::default(),
-        reason: &|_, _| String::new(),
         condition: &|_| Some(condition.clone()),
+        ..plain_names(&config)
     };
     let rejected = names.refusal(8, Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 }));
     assert_eq!(
@@ -210,14 +216,7 @@ fn a_device_that_is_not_ready_is_told_with_its_state_reason_and_remedy() {
 #[test]
 fn a_motion_that_its_given_velocity_makes_slow_is_told_with_the_place_and_the_remedy() {
     let config = config();
-    let names = NameResolver {
-        disagreement: &|_| None,
-        config: &config,
-        net: &|id| format!("net#{id}"),
-        names: &|_| Names::default(),
-        reason: &|_, _| String::new(),
-        condition: &|_| None,
-    };
+    let names = plain_names(&config);
     let rehearsed = RehearsalReport {
         time_s: 3.5,
         end: RehearsalEnd::Finished,

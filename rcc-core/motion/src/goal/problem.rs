@@ -15,12 +15,12 @@ pub(super) struct GoalProblem {
     /// Unit of time, s; a power of two, so that scaling does not round.
     pub(super) unit_s: f64,
     /// Time at full speed that was cut out of the motion, s.
-    pub(super) cut_s: f64,
+    cut_s: f64,
 }
 
 pub(super) struct ScaledProblem {
     /// Initial velocity and acceleration.
-    pub(super) from: (f64, f64),
+    from: (f64, f64),
     /// Velocity and acceleration at the goal.
     pub(super) to: (f64, f64),
     pub(super) way: f64,
@@ -43,6 +43,24 @@ impl GoalProblem {
         phases
     }
 
+    /// A scaled profile that begins with the brake into the limits.
+    pub(super) fn braked(&self) -> Profile {
+        let ScaledProblem {
+            from: (v0, a0),
+            to: (vf, af),
+            way,
+            limits: [v, a, j],
+        } = self.scaled;
+        let mut profile = Profile::default();
+        profile.set_boundary(0.0, v0, a0, way, vf, af);
+        let brake = &mut profile.brake;
+        brake.get_position_brake_trajectory(v0, a0, v, -v, a, -a, j);
+        let ([p0, ..], [v0, ..], [a0, ..]) = (&mut profile.p, &mut profile.v, &mut profile.a);
+        brake.finalize(p0, v0, a0);
+        profile
+    }
+
+    /// The problem of the soonest motion.
     pub(super) fn of(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> GoalProblem {
         let velocity = limits.velocity;
         let stop = to_velocity(from, 0.0, limits);
@@ -119,6 +137,12 @@ impl GoalProblem {
             cut_s,
         }
     }
+}
+
+/// Position, velocity and acceleration of a profile after its brake.
+pub(super) fn start(profile: &Profile) -> [f64; 3] {
+    let ([p0, ..], [v0, ..], [a0, ..]) = (profile.p, profile.v, profile.a);
+    [p0, v0, a0]
 }
 
 /// The greatest power of two that is not greater than |value|; 1 if the value is 0, extreme or not finite.

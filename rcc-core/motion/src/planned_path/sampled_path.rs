@@ -10,7 +10,7 @@ use super::piece_samples::{PieceSamples, sample_piece};
 use super::speed_limits::QuantityLimits;
 use super::{ArmStart, InverseHints, LegFault};
 use crate::geometry::LENGTH_MIN;
-use crate::geometry::chain::{Chain, ShapePoint};
+use crate::geometry::chain::{Chain, ChainPiece, ShapePoint};
 
 /// The samples of a piece with its limits.
 pub(super) struct SampledPiece {
@@ -86,6 +86,16 @@ impl<'a> SampledPath<'a> {
             }
         }
         all
+    }
+
+    /// The pieces of a range that have a length, with their samples.
+    pub(super) fn with_length(
+        &self,
+        range: Range<usize>,
+    ) -> impl Iterator<Item = (&'a ChainPiece, &SampledPiece)> {
+        let numbers = range.filter(|number| self.has_length(*number));
+        numbers
+            .filter_map(|number| Some((self.chain.pieces().get(number)?, self.pieces.get(number)?)))
     }
 
     /// Returns true if the piece has a length.

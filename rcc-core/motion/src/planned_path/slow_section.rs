@@ -1,4 +1,5 @@
-//! The limit that makes a motion with a given speed slower than its path requires, and its place. Used when a motion is built.
+//! The limit that makes a motion with a given speed slower than its path requires, and its place. Used when a motion is
+//! built.
 
 use rcc_core::path::Quantity;
 

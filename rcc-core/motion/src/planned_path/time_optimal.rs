@@ -105,8 +105,7 @@ pub(super) fn time_optimal_law(
     stops: StopReserve,
 ) -> Option<SectionLaw> {
     let [kept, own] = [StopReserve::Keep, stops].map(LawReserve::of);
-    let table = SectionTable::new(path, range.clone())?;
-    let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
+    let (table, profile) = table_and_profile(path, range.clone())?;
     let first = first_law(&table, &profile, EvenLaw::new(uniform).as_ref())?;
     let keep = reserve(path, range.clone(), &time_law(&first, 1.0)?, kept.fraction);
     let intervals = COARSE * first.law.intervals();
@@ -144,8 +143,7 @@ pub(super) fn adapted_law(
     range: Range<usize>,
     uniform: &PathBounds,
 ) -> Option<SectionLaw> {
-    let table = SectionTable::new(path, range.clone())?;
-    let profile = AccelerationProfile::new(&constraints(path, range.clone()))?;
+    let (table, profile) = table_and_profile(path, range.clone())?;
     let even_s = duration_s(uniform);
     // An acceleration builds up at least once.
     if profile.duration_s() + table.ramp_s() >= PROMISING * even_s {
@@ -175,13 +173,21 @@ pub(super) fn possible_duration_s(
     range: Range<usize>,
     below_s: f64,
 ) -> Option<f64> {
-    let table = SectionTable::new(path, range.clone())?;
-    let profile = AccelerationProfile::new(&constraints(path, range))?;
+    let (table, profile) = table_and_profile(path, range)?;
     if profile.duration_s() >= below_s {
         return None;
     }
     let possible_s = first_law(&table, &profile, None)?.duration_s();
     (possible_s < below_s).then_some(possible_s)
+}
+
+/// What every law of a section begins with: its derivatives, and its profile without jerk limits.
+fn table_and_profile<'a>(
+    path: &'a SampledPath<'_>,
+    range: Range<usize>,
+) -> Option<(SectionTable<'a>, AccelerationProfile)> {
+    let table = SectionTable::new(path, range.clone())?;
+    Some((table, AccelerationProfile::new(&constraints(path, range))?))
 }
 
 /// A law and the limits of its clock.

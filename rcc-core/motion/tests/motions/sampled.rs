@@ -71,14 +71,13 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         halts_s(&kept, fastest_s)?,
         halts_s(&given, give_s)?,
     ];
-    let (uniform_s, ..) = run(robot, SpeedProfile::Uniform)?;
+    let (uniform_s, _, uniform) = run(robot, SpeedProfile::Uniform)?;
     let slowly = SpeedOverride {
         speed: (uniform_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
     };
     // The uniform profile is slower in bends, which gives more samples there.
-    let path = build(robot, (&drawn, &legs), SpeedProfile::Uniform)?;
-    let path = self::run(path, slowly)?;
+    let path = self::run(uniform, slowly)?;
     let limits = &robot.model.limits;
     let rows = [
         limits.velocity_max,

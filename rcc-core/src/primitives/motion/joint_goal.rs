@@ -30,7 +30,7 @@ const fn limit(name: &'static str, order: u8, doc: &'static str) -> Parameter {
         .above(0.0)
 }
 
-/// Whether joints arrive together.
+/// Words of `synchronize`, by their numbers.
 const SYNCHRONIZATIONS: &[&str] = &["none", "time"];
 /// Index of `time` in [`SYNCHRONIZATIONS`].
 const TIME: i64 = 1;

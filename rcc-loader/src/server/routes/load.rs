@@ -1,7 +1,6 @@
 //! The routes of texts. LOAD answers with an id, and the text is compiled meanwhile; a check compiles it and loads nothing.
 //! Run by the serving thread; reserving and compiling are the work of blocking threads.
 
-use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -142,49 +141,33 @@ async fn load_text(
             return CommandState::Rejected;
         }
     };
-    let (service, to_reserve, to_compile) = (
-        Arc::clone(&state.service),
-        Arc::clone(&text),
-        Arc::clone(&text),
-    );
-    let reserving = async {
-        let reserve = move |service: &Service| service.reserve(&caller, &to_reserve);
-        let reserved = blocking(state, reserve).await;
-        let id = reserved.as_ref().ok().copied();
-        (id, answer.send(reserved).is_ok())
+    let service = Arc::clone(&state.service);
+    let compiling = {
+        let (service, text, turns) = (Arc::clone(&service), Arc::clone(&text), Arc::clone(&turns));
+        tokio::spawn(async move {
+            // The executor is not waited for with a turn.
+            let _turn = turns.take(peer).await;
+            tokio::task::spawn_blocking(move || service.compile(&text, &file)).await
+        })
     };
-    let compiling = async {
-        let turn = turns.take(peer).await;
-        let service = Arc::clone(&service);
-        let compiling = move || service.compile(&to_compile, &file);
-        let compiled = tokio::task::spawn_blocking(compiling).await;
-        // The executor is not waited for with a turn.
-        drop(turn);
-        compiled
+    let reserved = {
+        let text = Arc::clone(&text);
+        let reserve = move |service: &Service| service.reserve(&caller, &text);
+        blocking(state, reserve).await
     };
-    let (mut reserving, mut compiling) = (pin!(reserving), pin!(compiling));
-    let mut compiled = None;
-    let (id, is_awaited) = loop {
-        tokio::select! {
-            reserved = &mut reserving => break reserved,
-            done = &mut compiling, if compiled.is_none() => compiled = Some(done),
+    let id = reserved.as_ref().ok().copied();
+    let is_awaited = answer.send(reserved).is_ok();
+    let Some(id) = id.filter(|_| is_awaited) else {
+        compiling.abort();
+        if let Some(id) = id {
+            // Nobody knows the id. On a panic, which the panic hook reports, `maintain` finds it.
+            let _ = tokio::task::spawn_blocking(move || service.discard(id)).await;
         }
-    };
-    let Some(id) = id else {
         return CommandState::Rejected;
     };
-    if !is_awaited {
-        let service = Arc::clone(&service);
-        // Nobody knows the id. On a panic, which the panic hook reports, `maintain` finds it.
-        let _ = tokio::task::spawn_blocking(move || service.discard(id)).await;
-        return CommandState::Rejected;
-    }
-    let compiled = match compiled {
-        Some(compiled) => compiled,
-        None => compiling.await,
-    };
+    let compiled = compiling.await.and_then(|compiled| compiled);
     let _turn = turns.take(peer).await;
-    install(Arc::clone(&service), id, (text, compiled)).await
+    install(service, id, (text, compiled)).await
 }
 
 /// Installs what was compiled from a text.

@@ -24,12 +24,7 @@ pub(super) fn each_bound(
 ) {
     let (step_s, count) = law.curves();
     let mut samples = Vec::new();
-    for number in range.filter(|number| path.has_length(*number)) {
-        let (Some(piece), Some(sampled)) =
-            (path.chain.pieces().get(number), path.pieces.get(number))
-        else {
-            continue;
-        };
+    for (piece, sampled) in path.with_length(range) {
         let span = [piece.begin, piece.end].map(|s| law.inverse(s) / step_s);
         for curve in span[0] as usize..(span[1].ceil() as usize).min(count) {
             let part = span.map(|place| (place - curve as f64).clamp(0.0, 1.0) * step_s);

@@ -45,14 +45,11 @@ pub(super) struct SectionTable<'a> {
 impl<'a> SectionTable<'a> {
     /// The table of a range of pieces; `None` if none of them has a length.
     pub(super) fn new(path: &'a SampledPath<'_>, range: Range<usize>) -> Option<Self> {
-        let numbers = range.filter(|number| path.has_length(*number));
-        let pieces = numbers.filter_map(|number| {
-            let piece = path.chain.pieces().get(number)?;
-            let sampled = path.pieces.get(number)?;
+        let pieces = path.with_length(range).map(|(piece, sampled)| {
             let over = |limits: &[f64; 3]| limits.map(|limit| 1.0 / limit);
             let limited = sampled.bounds.iter().map(over).enumerate();
             let limited = limited.map(|(index, over)| LimitedQuantity { index, over });
-            Some(TablePiece {
+            TablePiece {
                 begin: piece.begin,
                 end: piece.end,
                 sampled,
@@ -60,7 +57,7 @@ impl<'a> SectionTable<'a> {
                 limited: limited
                     .filter(|limited| limited.over.iter().any(|over| *over > 0.0))
                     .collect(),
-            })
+            }
         });
         let mut pieces: Vec<TablePiece<'_>> = pieces.collect();
         for number in 1..pieces.len() {

@@ -26,12 +26,7 @@ pub(super) struct PathConstraints {
 /// The constraints at every sample.
 pub(super) fn constraints(path: &SampledPath<'_>, range: Range<usize>) -> Vec<PathConstraints> {
     let mut constraints = Vec::new();
-    for number in range.filter(|number| path.has_length(*number)) {
-        let (Some(piece), Some(sampled)) =
-            (path.chain.pieces().get(number), path.pieces.get(number))
-        else {
-            continue;
-        };
+    for (piece, sampled) in path.with_length(range) {
         let samples = sampled.samples.points.iter().zip(&sampled.samples.jets);
         let steps = sampled.samples.points.len().saturating_sub(1).max(1);
         for (step, (sample, jets)) in samples.enumerate() {
