@@ -1,8 +1,8 @@
 //! Requests of an operator over the link: the list of cells, their messages, and what a cell is asked for. Run by the main
 //! thread of `rcc-link`.
 
-use std::collections::BTreeMap;
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::mpsc::{SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
 use rcc_config::link::TlsFiles;
@@ -25,8 +25,6 @@ use crate::session::{self, Identity, SessionError};
 const CONNECT_MAX: Duration = Duration::from_secs(5);
 /// Longest wait for connections to the other endpoints.
 const OTHERS_MAX: Duration = Duration::from_secs(1);
-/// Interval at which they are looked for.
-const LOOK: Duration = Duration::from_millis(20);
 /// Longest wait for answers.
 const ANSWER_MAX: Duration = Duration::from_secs(3);
 /// Longest wait for the answer to a text that is checked.
@@ -120,20 +118,31 @@ pub fn connect(endpoints: &[String], tls: Option<&TlsFiles>) -> Result<Session, 
     let role = Role::Operator;
     let identity = tls.map(|files| Identity { files, role });
     let session = session::open(&[], endpoints, identity)?;
-    let connected = || session::connections(&session).count;
-    // A connection has no event of its own.
-    let await_count = |count, until| {
-        while connected() < count && Instant::now() < until {
-            std::thread::sleep(LOOK);
+    // Not the session's list of connections: one stands in it before requests are sent over it.
+    let (told, connections) = channel();
+    let info = session.info();
+    let links = info.link_events_listener().history(true);
+    let links = links.callback(move |event| {
+        if event.kind() == SampleKind::Put {
+            // Nobody waits for connections that are made later.
+            let _ = told.send(event.link().zid().to_string());
         }
-        connected() >= count
-    };
-    if !await_count(1, Instant::now() + CONNECT_MAX) {
-        return Err(FleetError::NoConnection(endpoints.join(", ")));
+    });
+    links.background().wait().map_err(not_asked)?;
+    let mut connected = BTreeSet::new();
+    let mut until = Instant::now() + CONNECT_MAX;
+    while connected.len() < endpoints.len()
+        && let Ok(peer) = connections.recv_timeout(until.saturating_duration_since(Instant::now()))
+    {
+        if connected.is_empty() {
+            until = Instant::now() + OTHERS_MAX;
+        }
+        connected.insert(peer);
     }
-    if !await_count(endpoints.len(), Instant::now() + OTHERS_MAX) {
-        let (count, all) = (connected(), endpoints.len());
-        tracing::warn!("{count} of {all} endpoints answer");
+    match (connected.len(), endpoints.len()) {
+        (0, _) => return Err(FleetError::NoConnection(endpoints.join(", "))),
+        (count, all) if count < all => tracing::warn!("{count} of {all} endpoints answer"),
+        _ => {}
     }
     Ok(session)
 }

@@ -2,16 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
 
-use rcc_link::deploy::{DeployError, DeployText, Deployment, select};
+use rcc_link::deploy::{DeployError, DeployText, Deployment, select, withdraw};
 use rcc_link::fleet::{self, FoundCell};
 use rcc_link::keys::CellKeys;
 use rcc_link::session;
 use zenoh::{Session, Wait};
 
-/// Longest wait for anything that must happen.
-const LIMIT: Duration = Duration::from_secs(60);
 const NET: &str = "net: line\nprimitives: {}\n";
 const CELLS: [&str; 3] = ["lab/a", "lab/b", "lab/c"];
 
@@ -74,24 +71,8 @@ impl Cells {
         cells
     }
 
-    /// Connects, and waits until every cell answers a check.
     fn connect(&self) -> Session {
-        let session = fleet::connect(&self.endpoints, None).expect("a connection");
-        let until = Instant::now() + LIMIT;
-        for cell in CELLS {
-            let key = CellKeys::of(cell).requests();
-            let declared = session.declare_querier(key).wait().expect("a querier");
-            while !declared
-                .matching_status()
-                .wait()
-                .expect("a status")
-                .matching()
-            {
-                assert!(Instant::now() < until, "{cell} is not there");
-                std::thread::sleep(Duration::from_millis(5));
-            }
-        }
-        session
+        fleet::connect(&self.endpoints, None).expect("a connection")
     }
 
     fn asked(&self, operation: &str) -> Vec<String> {
@@ -233,4 +214,18 @@ fn a_configuration_goes_to_the_cell_of_its_name_only() {
         robot.to_string().contains("is neither a net nor"),
         "{robot}"
     );
+}
+
+#[test]
+fn every_cell_answers_as_soon_as_the_connection_is_made() {
+    const CONNECTIONS: usize = 40;
+    let cells = Cells::new([takes, takes, takes]);
+    for _ in 0..CONNECTIONS {
+        let session = cells.connect();
+        for cell in CELLS {
+            withdraw(&session, "lab/office", cell, "line#7").expect("withdrawn");
+        }
+        session.close().wait().expect("closed");
+    }
+    assert_eq!(cells.asked("unload").len(), CONNECTIONS * CELLS.len());
 }
