@@ -20,6 +20,7 @@ use crate::processes::{self, signal};
 use crate::programs::program;
 use crate::rest::{self, Reply};
 use crate::simulator::Simulator;
+use crate::turns::{self, Permit};
 pub use crate::waiting::{LIMIT, await_some, await_told, await_within};
 
 /// Cell name used by every test; the cells differ in their folders.
@@ -35,6 +36,7 @@ pub struct CellFixture {
     files: AtomicU32,
     /// Name of the network namespace in which its programs run; `None`: that of the test.
     namespace: Option<String>,
+    _permit: Permit,
 }
 
 impl CellFixture {
@@ -72,6 +74,7 @@ impl CellFixture {
             ports,
             files: AtomicU32::new(0),
             namespace: None,
+            _permit: turns::beside(),
         }
     }
 

@@ -19,10 +19,13 @@ use rtrb::Consumer;
 
 use crate::cell_fixture::CellFixture;
 use crate::journal::Journal;
-use crate::reference::{ReferenceThread, Stall, promote};
+use crate::reference::{ReferenceThread, STALL_NS, Stall, promote};
 
 /// Period of the reference thread: a quarter of the executor's, so that few stalls fall between two wake-ups.
 const REFERENCE_NS: u64 = 250_000;
+/// A wake-up of the reference thread later than this is listed beside an unexplained late cycle; one of less than
+/// [`STALL_NS`] explains none.
+const LISTED_NS_MIN: u64 = 25_000;
 /// Interval at which the watcher reads the status board.
 const WATCH_EVERY: Duration = Duration::from_micros(250);
 /// Stall per late cycle from which the machine is the cause. A cycle computes for far less than half of its period, so
@@ -145,7 +148,8 @@ impl LatenessMonitor {
         journal: &Arc<Journal>,
     ) -> Option<LatenessMonitor> {
         let priority = i32::from(priority);
-        let (reference, stalls) = ReferenceThread::stream(core, priority + 1, REFERENCE_NS)?;
+        let (reference, stalls) =
+            ReferenceThread::stream(core, priority + 1, REFERENCE_NS, LISTED_NS_MIN)?;
         let stop = Arc::new(AtomicBool::new(false));
         let executor = place.announced(Role::Executor, "exec");
         let (late_in, late_out) = mpsc::channel();
@@ -306,9 +310,8 @@ impl LatenessAnalyst {
         let now_ns = monotonic_ns();
         let old_ns = now_ns.saturating_sub(KEEP_NS);
         while let Ok(stall) = self.stalls.pop() {
-            self.report.stalls += 1;
-            let length_ns = stall.to_ns - stall.from_ns;
-            self.report.stall_max_ns = self.report.stall_max_ns.max(length_ns);
+            self.report.stalls += u64::from(stall.length_ns() > STALL_NS);
+            self.report.stall_max_ns = self.report.stall_max_ns.max(stall.length_ns());
             self.memory.stalls.push_back(stall);
         }
         self.memory
@@ -337,8 +340,10 @@ impl LatenessAnalyst {
                 let stalls = self.memory.stalls.iter();
                 let near = stalls.filter(|stall| stall.from_ns < to_ns && stall.to_ns > from_ns);
                 late.beside.extend(near.map(|stall| {
-                    let late_ns = stall.to_ns - stall.from_ns;
-                    let after_ns = stall.from_ns as i64 - late.from_ns as i64;
+                    let (late_ns, after_ns) = (
+                        stall.length_ns(),
+                        stall.from_ns as i64 - late.from_ns as i64,
+                    );
                     format!("reference late by {late_ns} ns, {after_ns} ns after the stretch began")
                 }));
                 eprintln!("UNEXPLAINED {late:?}");
@@ -355,7 +360,9 @@ impl LatenessAnalyst {
             let (from_ns, to_ns) = (stall.from_ns.max(late.from_ns), stall.to_ns.min(late.to_ns));
             to_ns.saturating_sub(from_ns)
         };
-        let stalled_ns = self.memory.stalls.iter().map(overlap_ns).sum();
+        let stalls = self.memory.stalls.iter();
+        let counted = stalls.filter(|stall| stall.length_ns() > STALL_NS);
+        let stalled_ns = counted.map(overlap_ns).sum();
         if stalled_ns >= late.count * STALLED_NS_MIN {
             return Cause::Machine { stalled_ns };
         }

@@ -13,7 +13,7 @@ use rcc_os::clock::{monotonic_ns, sleep_until};
 /// An eighth of the executor's period: with one whole period, a stall of half a period could fall between two wake-ups.
 const PERIOD_NS: u64 = 125_000;
 /// A wake-up later than this counts as a stall: a tenth of the executor's period.
-const STALL_NS: u64 = 100_000;
+pub const STALL_NS: u64 = 100_000;
 /// Capacity of the ring of [`ReferenceThread::stream`], in stalls.
 const RING: usize = 16_384;
 
@@ -24,6 +24,13 @@ pub struct Stall {
     pub from_ns: u64,
     /// Time at which it woke.
     pub to_ns: u64,
+}
+
+impl Stall {
+    /// Returns its length, ns.
+    pub fn length_ns(&self) -> u64 {
+        self.to_ns - self.from_ns
+    }
 }
 
 /// A running reference thread.
@@ -44,7 +51,7 @@ impl ReferenceThread {
             told.send(granted).expect("the test waits");
             let mut stalls = Vec::with_capacity(100_000);
             if granted {
-                watch(&stopped, PERIOD_NS, |stall| stalls.push(stall));
+                watch(&stopped, PERIOD_NS, STALL_NS, |stall| stalls.push(stall));
             }
             stalls
         });
@@ -53,12 +60,14 @@ impl ReferenceThread {
             .then_some(ReferenceThread { stop, thread })
     }
 
-    /// Like [`ReferenceThread::start`], but wakes every `period_ns` and passes each stall on at once. The thread does
-    /// not allocate, so that it causes no stall itself. A full ring drops stalls, which then explain no late cycle.
+    /// Like [`ReferenceThread::start`], but wakes every `period_ns` and passes each wake-up on at once that is later than
+    /// `late_ns`. The thread does not allocate, so that it causes no stall itself. A full ring drops stalls, which then
+    /// explain no late cycle.
     pub fn stream(
         core: usize,
         priority: i32,
         period_ns: u64,
+        late_ns: u64,
     ) -> Option<(ReferenceThread, rtrb::Consumer<Stall>)> {
         let (mut stalls, handed) = rtrb::RingBuffer::new(RING);
         let stop = Arc::new(AtomicBool::new(false));
@@ -69,7 +78,7 @@ impl ReferenceThread {
             let granted = promote(Some(core), priority);
             told.send(granted).expect("the test waits");
             if granted {
-                watch(&stopped, period_ns, |stall| {
+                watch(&stopped, period_ns, late_ns, |stall| {
                     // A full ring drops the stall, see above.
                     let _ = stalls.push(stall);
                 });
@@ -116,12 +125,12 @@ fn touch(stalls: &mut rtrb::Producer<Stall>) {
     while stalls.push(empty).is_ok() {}
 }
 
-fn watch(stop: &AtomicBool, period_ns: u64, mut tell: impl FnMut(Stall)) {
+fn watch(stop: &AtomicBool, period_ns: u64, late_ns: u64, mut tell: impl FnMut(Stall)) {
     let mut deadline_ns = monotonic_ns() + period_ns;
     while !stop.load(Ordering::Acquire) {
         sleep_until(deadline_ns);
         let now_ns = monotonic_ns();
-        if now_ns - deadline_ns > STALL_NS {
+        if now_ns - deadline_ns > late_ns {
             tell(Stall {
                 from_ns: deadline_ns,
                 to_ns: now_ns,

@@ -7,6 +7,7 @@ use std::time::Duration;
 use rcc_tests::endurance::{self, Options};
 use rcc_tests::journal::Journal;
 use rcc_tests::matrix::{self, Case, Disturbance, Outcome, Phase, Target, Victim};
+use rcc_tests::turns;
 
 #[test]
 fn a_sample_of_the_crash_matrix_holds() {
@@ -54,6 +55,7 @@ fn a_sample_of_the_crash_matrix_holds() {
 
 #[test]
 fn twenty_driver_restarts_and_a_hundred_monitors_make_no_cycle_late_and_leave_nothing() {
+    let _alone = turns::alone();
     let options = Options {
         time: Duration::from_secs(20),
         seed: 1,

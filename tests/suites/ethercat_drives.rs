@@ -7,7 +7,7 @@ use rcc_protocol::Role;
 use rcc_testing::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::simulator::Simulator;
-use rcc_tests::{TestCell, await_some, repository};
+use rcc_tests::{TestCell, await_some, repository, turns};
 use serde_json::{Value, json};
 
 /// Enables the drives until CANCEL.
@@ -247,6 +247,7 @@ fn a_cable_pulled_in_motion_stops_the_drives_and_nothing_moves_when_it_is_back()
 
 #[test]
 fn with_distributed_clocks_the_exchanges_follow_the_first_drive_and_the_cycles_the_exchanges() {
+    let _alone = turns::alone();
     let cell = start(|text| {
         let text = text
             .replace("    delay: 80 ms", "    #")

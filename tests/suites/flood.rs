@@ -6,6 +6,7 @@ use std::process::Command;
 use rcc_protocol::Role;
 use rcc_tests::TestCell;
 use rcc_tests::flood::{self, Options, kinds::FloodKind};
+use rcc_tests::turns;
 
 /// Entry point of the processes that flood the loader until they are killed.
 #[test]
@@ -35,6 +36,7 @@ fn when_memory_runs_out_the_loader_is_killed_before_the_executor_and_the_drivers
 
 #[test]
 fn every_cancel_is_answered_and_executed_while_every_interface_is_flooded() {
+    let _alone = turns::alone();
     let options = Options {
         nets: 4,
         primitives: 2000,

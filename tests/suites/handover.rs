@@ -7,7 +7,7 @@ use rcc_core::plan::KernelRun;
 use rcc_core::primitives;
 use rcc_protocol::control::{Answer, Call, PlanData, Refusal};
 use rcc_tests::handover::{Arm, hand_over};
-use rcc_tests::{TestCell, await_some, nets};
+use rcc_tests::{TestCell, await_some, nets, turns};
 
 use crate::plans::Control;
 
@@ -18,6 +18,7 @@ const PERIOD_S: f64 = 1e-3;
 
 #[test]
 fn an_arm_goes_from_net_to_net_in_consecutive_cycles_while_a_large_net_is_loading() {
+    let _alone = turns::alone();
     let cell = TestCell::demo();
     let report = hand_over(&cell, 30, 5000, |_| {});
     assert_eq!(

@@ -1,7 +1,7 @@
 //! Execution times and admission in real cells: nets that are too large for their period are refused, or end with a
 //! fault if the configuration admits them. Each test has a cell of its own; no time is asserted.
 
-use rcc_tests::{TestCell, await_some, nets};
+use rcc_tests::{TestCell, await_some, nets, turns};
 
 /// Number of inverse kinematics: together some milliseconds per cycle on any current machine.
 const MANY: usize = 12_000;
@@ -63,6 +63,7 @@ fn a_net_that_is_too_large_for_its_period_is_refused_with_the_numbers() {
 
 #[test]
 fn a_net_that_is_admitted_although_it_is_too_large_ends_with_an_overrun() {
+    let _alone = turns::alone();
     let cell = TestCell::changed(|text| {
         text.replacen(
             "executor: {priority: 80}",

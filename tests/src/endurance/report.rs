@@ -194,7 +194,8 @@ impl Report {
         }
         writeln!(
             f,
-            "\n| late cycle | count | stretch, ms | reference late, ms | cause |\n|---:|---:|---:|---:|---|"
+            "\n| late cycle | count | woke late, ms | computed, ms | stretch, ms | reference late, ms | cause |\n\
+             |---:|---:|---:|---:|---:|---:|---|"
         )?;
         let is_ours = |late: &&LateCycles| late.cause == Cause::Unexplained;
         let ours = lateness.each.iter().filter(is_ours);
@@ -211,9 +212,11 @@ impl Report {
             };
             writeln!(
                 f,
-                "| {} | {} | {:.2} | {:.2} | {cause} |",
+                "| {} | {} | {:.2} | {:.2} | {:.2} | {:.2} | {cause} |",
                 late.cycle,
                 late.count,
+                milliseconds(late.wake_ns),
+                milliseconds(late.exec_ns),
                 milliseconds(late.to_ns - late.from_ns),
                 milliseconds(stalled_ns)
             )?;
