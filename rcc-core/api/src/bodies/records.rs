@@ -161,3 +161,17 @@ pub struct IncidentView {
     /// Ids of nets that were evaluated and whose plan was no longer available when the file was written.
     pub without_plan: Vec<u64>,
 }
+
+/// Answer to a request for an incident file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
+#[cfg_attr(feature = "openapi", schema(as = Frozen))]
+pub struct WrittenIncident {
+    /// Executor cycle in which the recording was frozen; the file contains the seconds before it and a short time after
+    /// it.
+    pub cycle: u64,
+    /// Incarnation of the executor, 16 hexadecimal digits: the file's name begins with it.
+    pub executor: String,
+    /// Path of the complete file.
+    pub file: String,
+}
