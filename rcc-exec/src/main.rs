@@ -64,8 +64,7 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
-    rcc_process::log();
-    rcc_os::clock::exact_sleeps();
+    rcc_process::begin();
     exit::conclude(execute(&cell))
 }
 

@@ -62,8 +62,7 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
-    rcc_process::log();
-    rcc_os::clock::exact_sleeps();
+    rcc_process::begin();
     configure_allocator(routes::THREADS_MAX + OWN_THREADS_MAX);
     // Without /proc the score cannot be set.
     let _ = oom::raise_score(oom::SCORE_RESTARTABLE);

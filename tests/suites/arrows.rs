@@ -48,7 +48,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-engine",
         &["rcc-core", "rcc-motion", "rcc-os", "rcc-protocol"],
     ),
-    ("rcc-process", &["rcc-core", "rcc-config"]),
+    ("rcc-process", &["rcc-core", "rcc-config", "rcc-os"]),
     (
         "rcc-language",
         &[

@@ -72,7 +72,7 @@ enum GatewayError {
 }
 
 fn main() -> ExitCode {
-    rcc_process::log();
+    rcc_process::begin();
     let arguments = Arguments::parse();
     // If memory runs out, the kernel should first end processes that only observe.
     let _ = raise_score(SCORE_OBSERVER);

@@ -56,7 +56,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    rcc_process::log();
+    rcc_process::begin();
     let arguments = Arguments::parse();
     match run(&arguments) {
         Ok(()) => ExitCode::SUCCESS,

@@ -24,9 +24,11 @@ pub use helpers::{Helper, Helpers};
 pub use notify::Notifier;
 pub use signals::Stop;
 
-/// Sends the log to stderr at level info (`RUST_LOG` is not read), coloured only on a terminal. A line that cannot be
-/// written (full disk, no reader) is lost, without further effect. Call it once, before anything else.
-pub fn log() {
+/// Begins a program that runs for long. Its timed waits end when their time is over. The log goes to stderr at level info
+/// (`RUST_LOG` is not read), coloured only on a terminal; a line that cannot be written (full disk, no reader) is lost, without
+/// further effect. Call it once, before any thread starts.
+pub fn begin() {
+    rcc_os::clock::exact_sleeps();
     let colours = io::IsTerminal::is_terminal(&io::stderr());
     tracing_subscriber::fmt()
         .with_writer(move || LogWriter { colours })
@@ -83,7 +85,7 @@ mod tests {
         const CHILD: &str = "RCC_TEST_LOGS";
         let hostile = "a\x1b[2J\u{9b}31m\u{202e}\x07b";
         if std::env::var_os(CHILD).is_some() {
-            super::log();
+            super::begin();
             tracing::warn!(device = hostile, error = %hostile, "{hostile}");
             return;
         }

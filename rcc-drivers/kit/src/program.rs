@@ -63,8 +63,7 @@ pub fn run(arguments: &Arguments, drivers: &[DriverEntry]) -> ExitCode {
     let result = match arguments.listen {
         Some(milliseconds) => listen_only(arguments, drivers, Duration::from_millis(milliseconds)),
         None => {
-            rcc_process::log();
-            rcc_os::clock::exact_sleeps();
+            rcc_process::begin();
             host(arguments, drivers)
         }
     };

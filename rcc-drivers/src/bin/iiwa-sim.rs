@@ -8,8 +8,7 @@ use rcc_drivers::sim::iiwa::{options::Options, program};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    rcc_process::log();
-    rcc_os::clock::exact_sleeps();
+    rcc_process::begin();
     let options = Options::parse();
     let result = program::run(&options, rcc_process::say);
     match result {

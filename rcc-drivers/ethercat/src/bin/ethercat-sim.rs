@@ -9,7 +9,7 @@ use clap::Parser;
 use rcc_ethercat::sim::{options::Options, program};
 
 fn main() -> ExitCode {
-    rcc_process::log();
+    rcc_process::begin();
     let options = Options::parse();
     match program::run(&options, rcc_process::say) {
         Ok(()) => ExitCode::SUCCESS,

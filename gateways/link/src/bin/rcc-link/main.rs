@@ -229,7 +229,7 @@ enum LinkError {
 }
 
 fn main() -> ExitCode {
-    rcc_process::log();
+    rcc_process::begin();
     match run(Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
