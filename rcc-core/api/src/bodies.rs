@@ -16,8 +16,8 @@ mod topics;
 mod values;
 
 pub use commands::{
-    Checked, CommandDetail, CommandRef, CommandView, Done, FaultView, Loaded, PeakView,
-    RehearsalView, Start, Switch, Switched,
+    Checked, CommandDetail, CommandView, Done, FaultView, Loaded, PeakView, RehearsalView, Start,
+    Switch, Switched,
 };
 pub use devices::{ChannelView, DeviceView};
 pub use primitives::{ExampleView, ParameterView, PortView, PrimitiveView};
@@ -93,6 +93,18 @@ pub struct TextLocation {
     /// Note at this position.
     #[serde(default)]
     pub label: String,
+}
+
+/// A command as named in a request: its id, the net's name, or `name#id`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(ToSchema))]
+#[serde(untagged)]
+#[cfg_attr(feature = "openapi", schema(as = Named))]
+pub enum CommandRef {
+    /// An id.
+    Id(u64),
+    /// A name (of several nets with this name, the newest in a suitable state), `name#id`, or an id as text.
+    Name(String),
 }
 
 /// Returns true for the name of the state of an active command.

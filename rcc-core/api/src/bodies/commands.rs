@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 #[cfg(feature = "openapi")]
 use utoipa::ToSchema;
 
-use super::{Finding, RuleBody, is_active};
+use super::{CommandRef, Finding, RuleBody, is_active};
 
 /// Answer to LOAD.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,18 +42,6 @@ pub struct Done {
     pub net: String,
     /// Executor cycle in which it took effect; 0 if none was involved.
     pub cycle: u64,
-}
-
-/// A command as named in a request: its id, the net's name, or `name#id`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(ToSchema))]
-#[serde(untagged)]
-#[cfg_attr(feature = "openapi", schema(as = Named))]
-pub enum CommandRef {
-    /// An id.
-    Id(u64),
-    /// A name (of several nets with this name, the newest in a suitable state), `name#id`, or an id as text.
-    Name(String),
 }
 
 /// Options of START.
