@@ -4,7 +4,7 @@
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 
-use rcc_api::bodies::{CommandDetail, CommandView, InputsSet, ValuesView};
+use rcc_api::bodies::{CommandDetail, CommandKey, CommandView, InputsSet, ValuesView};
 use rcc_api::codes::UNKNOWN_COMMAND;
 use rcc_client::{LoaderClient, RequestError};
 use serde_json::{Map, Value};
@@ -30,8 +30,8 @@ pub enum ParameterError {
 #[derive(Debug)]
 pub struct Parameters {
     cell: String,
-    /// Settable inputs by command id and time of loading: ids begin anew with each start of the cell.
-    known: HashMap<(u64, u64), Vec<String>>,
+    /// Settable inputs of each command.
+    known: HashMap<CommandKey, Vec<String>>,
 }
 
 /// An input: its command and its name there.
@@ -50,19 +50,9 @@ impl Parameters {
     /// Returns the place of each parameter by its name.
     fn places(&mut self, loader: &LoaderClient) -> Result<BTreeMap<String, Place>, RequestError> {
         let rows: Vec<CommandView> = loader.get("/commands")?;
-        let lives =
-            |row: &CommandView| matches!(row.state.as_str(), "ready" | "running" | "canceling");
-        let living: Vec<(u64, u64)> = rows
-            .iter()
-            .filter(|row| lives(row))
-            .map(|row| (row.id, row.loaded_at))
-            .collect();
-        self.known.retain(|key, _| living.contains(key));
-        let mut newest: BTreeMap<&str, (u64, u64)> = BTreeMap::new();
-        for row in rows.iter().filter(|row| lives(row)) {
-            let of_name = newest.entry(&row.net).or_default();
-            *of_name = (*of_name).max((row.id, row.loaded_at));
-        }
+        let newest = CommandView::newest_of_each_net(&rows);
+        self.known
+            .retain(|key, _| newest.values().any(|one| one == key));
         let mut places = BTreeMap::new();
         for (net, key) in newest {
             for input in self.inputs(loader, key)? {
@@ -75,7 +65,7 @@ impl Parameters {
     fn inputs(
         &mut self,
         loader: &LoaderClient,
-        key: (u64, u64),
+        key: CommandKey,
     ) -> Result<&[String], RequestError> {
         match self.known.entry(key) {
             Entry::Occupied(known) => Ok(known.into_mut()),

@@ -5,7 +5,7 @@ use std::cell::Cell as Flag;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rcc_api::bodies::{CommandDetail, CommandView, InputsSet, ValuesView};
+use rcc_api::bodies::{CommandDetail, CommandKey, CommandView, InputsSet, ValuesView};
 use rcc_api::codes::UNKNOWN_COMMAND;
 use rcc_client::{LoaderClient, RequestError, segment};
 use ros2_client::{NodeOptions, ParameterValue};
@@ -43,8 +43,8 @@ impl Places {
 #[derive(Debug, Default)]
 pub struct Parameters {
     places: Places,
-    /// Settable inputs by command id and time of loading: ids begin anew with each start of the cell.
-    known: BTreeMap<(u64, u64), Vec<String>>,
+    /// Settable inputs of each command.
+    known: BTreeMap<CommandKey, Vec<String>>,
     /// The values that the node has.
     shown: BTreeMap<String, ParameterValue>,
 }
@@ -88,7 +88,8 @@ impl Parameters {
         client: &LoaderClient,
         commands: &[CommandView],
     ) -> Result<(), RequestError> {
-        let newest = newest(commands);
+        let mut newest = CommandView::newest_of_each_net(commands);
+        newest.retain(|net, _| !net.starts_with(GOAL_NETS));
         self.known
             .retain(|key, _| newest.values().any(|one| one == key));
         let (mut places, mut values) = (BTreeMap::new(), BTreeMap::new());
@@ -108,7 +109,7 @@ impl Parameters {
         &mut self,
         client: &LoaderClient,
         net: &str,
-        key: (u64, u64),
+        key: CommandKey,
     ) -> Result<Vec<(String, Place, ParameterValue)>, RequestError> {
         let (id, _) = key;
         let inputs = match self.known.get(&key) {
@@ -172,19 +173,6 @@ impl Parameters {
         }
         MIRRORS.set(false);
     }
-}
-
-/// Returns id and time of loading of the newest net of each name.
-fn newest(commands: &[CommandView]) -> BTreeMap<&str, (u64, u64)> {
-    let mut newest: BTreeMap<&str, (u64, u64)> = BTreeMap::new();
-    for row in commands {
-        let lives = ["ready", "running", "canceling"].contains(&row.state.as_str());
-        if lives && !row.net.starts_with(GOAL_NETS) {
-            let of_name = newest.entry(&row.net).or_default();
-            *of_name = (*of_name).max((row.id, row.loaded_at));
-        }
-    }
-    newest
 }
 
 fn set(cell: &str, place: &Place, value: &ParameterValue) -> Result<(), String> {

@@ -16,8 +16,8 @@ mod topics;
 mod values;
 
 pub use commands::{
-    Checked, CommandDetail, CommandView, Done, FaultView, Loaded, PeakView, RehearsalView, Start,
-    Switch, Switched,
+    Checked, CommandDetail, CommandKey, CommandView, Done, FaultView, Loaded, PeakView,
+    RehearsalView, Start, Switch, Switched,
 };
 pub use devices::{ChannelView, DeviceView};
 pub use primitives::{ExampleView, ParameterView, PortView, PrimitiveView};

@@ -1,5 +1,7 @@
 //! Bodies of LOAD, START, CANCEL and hand-over, and what a command is and how it ended.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 #[cfg(feature = "openapi")]
 use utoipa::ToSchema;
@@ -205,11 +207,26 @@ pub struct CommandDetail {
     pub names: serde_json::Value,
 }
 
+/// Id of a command and the time at which it was loaded: ids begin again with another executor.
+pub type CommandKey = (u64, u64);
+
 impl CommandView {
     /// Returns true while its net is evaluated in each cycle.
     #[must_use]
     pub fn is_active(&self) -> bool {
         is_active(&self.state)
+    }
+
+    /// Returns the newest command of each net that is ready or active.
+    #[must_use]
+    pub fn newest_of_each_net(commands: &[CommandView]) -> BTreeMap<&str, CommandKey> {
+        let mut newest: BTreeMap<&str, CommandKey> = BTreeMap::new();
+        let loaded = |row: &&CommandView| row.is_active() || row.state == "ready";
+        for row in commands.iter().filter(loaded) {
+            let of_net = newest.entry(&row.net).or_default();
+            *of_net = (*of_net).max((row.id, row.loaded_at));
+        }
+        newest
     }
 }
 
@@ -258,4 +275,31 @@ pub struct FaultView {
     pub cycle: u64,
     /// Description in one sentence.
     pub words: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::CommandView;
+
+    #[test]
+    fn of_several_nets_of_a_name_the_newest_counts_that_has_not_ended() {
+        let command = |id, net: &str, state: &str| CommandView {
+            id,
+            net: net.to_owned(),
+            state: state.to_owned(),
+            loaded_at: 100 + id,
+            ..CommandView::default()
+        };
+        let commands = [
+            command(1, "lamp", "ready"),
+            command(3, "lamp", "running"),
+            command(2, "lamp", "canceling"),
+            command(4, "lamp", "terminated"),
+            command(5, "move", "loading"),
+            command(6, "home", "ready"),
+        ];
+        let newest = CommandView::newest_of_each_net(&commands);
+        let expected = [("home", (6, 106)), ("lamp", (3, 103))];
+        assert_eq!(newest, expected.into());
+    }
 }

@@ -1,0 +1,191 @@
+//! Nets that end by a fault: of their device, or of a set-point that the guard refuses.
+
+use super::*;
+
+#[test]
+fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(line_net());
+    fixture.start(id);
+    fixture.steps(200);
+    fixture.driver.alive = false;
+    assert_eq!(fixture.until_terminated(id, 60), EndReason::Fault);
+    assert_eq!(fixture.entry(id).fault.code, FaultCode::DeviceLost as u32);
+    fixture.driver.alive = true;
+    fixture.driver.measurement.state = DeviceState::Ready as u32;
+    for _ in 0..100 {
+        fixture.step();
+        let image = fixture.engine.image(0).unwrap();
+        assert_eq!(image.at(image.head.sequence).unwrap().has_position, 0);
+    }
+}
+
+#[test]
+fn a_driver_that_is_replaced_at_once_ends_its_nets_and_nothing_is_commanded_again() {
+    let mut fixture = EngineFixture::new();
+    let output = fixture.load(output_net(2));
+    let line = fixture.load(line_net());
+    fixture.start(output);
+    fixture.start(line);
+    fixture.steps(200);
+    fixture.driver.incarnation = 2;
+    fixture.driver.measurement.state = DeviceState::Ready as u32;
+    for id in [output, line] {
+        assert!(fixture.until_terminated(id, 2) == EndReason::Fault);
+        assert_eq!(fixture.entry(id).fault.code, FaultCode::DeviceLost as u32);
+    }
+    for _ in 0..100 {
+        fixture.step();
+        let image = fixture.engine.image(0).unwrap();
+        let newest = image.at(image.head.sequence).unwrap();
+        assert_eq!((newest.has_position, newest.digital_commanded), (0, 0));
+    }
+    assert_eq!(fixture.engine.tables().devices[0].incarnation, 2);
+    assert_eq!(fixture.engine.tables().devices[0].losses, 1);
+}
+
+#[test]
+fn the_tables_show_a_lost_device_in_the_cycle_that_sees_it() {
+    let mut fixture = EngineFixture::new();
+    fixture.steps(3);
+    let mut cycles_until_due = || {
+        let due = (1..100).find(|_| {
+            fixture.step();
+            fixture.engine.tables_due().is_some()
+        });
+        due.expect("the tables are written from time to time")
+    };
+    // Directly after a write that time made due, so that the next one is far.
+    cycles_until_due();
+    assert!(
+        cycles_until_due() > 2,
+        "unchanged tables are written rarely"
+    );
+    fixture.driver.alive = false;
+    let lost = (0..100).find_map(|_| {
+        fixture.step();
+        let due = fixture.engine.tables_due().is_some();
+        let entry = fixture.engine.tables().devices[0];
+        (entry.losses > 0).then_some(due)
+    });
+    assert_eq!(lost, Some(true));
+}
+
+#[test]
+fn a_board_with_wrong_magic_or_a_stamp_far_from_now_is_a_lost_device() {
+    let mut fixture = EngineFixture::new();
+    let good = fixture.driver.measurement;
+    let offline = |fixture: &EngineFixture| {
+        fixture.engine.tables().devices[0].state == DeviceState::Offline as u32
+    };
+    let year_ns = 31_557_600_000_000_000;
+    for stamp_ns in [
+        fixture.now_ns - 60_000_000,
+        fixture.now_ns + 60_000_000,
+        fixture.now_ns + year_ns,
+        0,
+        u64::MAX,
+    ] {
+        let measurement = rcc_core::message::Measurement { stamp_ns, ..good };
+        fixture
+            .engine
+            .latch(0, Some((1, measurement)), fixture.now_ns);
+        assert!(offline(&fixture), "stamp {stamp_ns}");
+        fixture.step();
+        assert!(!offline(&fixture));
+    }
+    let measurement = rcc_core::message::Measurement {
+        magic: 1,
+        stamp_ns: fixture.now_ns,
+        ..good
+    };
+    fixture
+        .engine
+        .latch(0, Some((1, measurement)), fixture.now_ns);
+    assert!(offline(&fixture));
+}
+
+#[test]
+fn a_driver_that_stops_by_itself_ends_the_net() {
+    for state in [DeviceState::Stopping, DeviceState::Online] {
+        let mut fixture = EngineFixture::new();
+        let id = fixture.load(line_net());
+        fixture.start(id);
+        fixture.steps(200);
+        fixture.driver.measurement.state = state as u32;
+        fixture.driver.alive = false;
+        assert_eq!(fixture.until_terminated(id, 2), EndReason::Fault);
+        assert_eq!(fixture.entry(id).fault.code, FaultCode::DeviceLost as u32);
+    }
+}
+
+#[test]
+fn a_set_point_outside_of_the_workspace_ends_the_net_with_axis_place_and_bound() {
+    let y = crate::common::model().arm.unwrap().forward(&HOLD).position[1];
+    let mut space = Workspace::ANYWHERE;
+    space.upper[1] = y + 0.05;
+    let mut fixture = EngineFixture::with(DeviceModel {
+        workspace: Some(space),
+        ..crate::common::model()
+    });
+    let id = fixture.load(line_net());
+    fixture.start(id);
+    assert_eq!(fixture.until_terminated(id, 5000), EndReason::Fault);
+    let fault = fixture.entry(id).fault;
+    assert_eq!(fault.code, FaultCode::Limit as u32);
+    assert_eq!(fault.violation, ViolationKind::Workspace.number());
+    assert_eq!(axis(fault.joint as usize - 1), Some("y"));
+    assert_eq!(fault.limit, y + 0.05);
+    assert!(
+        fault.value > fault.limit && fault.value < fault.limit + 1e-3,
+        "{fault:?}"
+    );
+    let told = fixture.told();
+    let last = crate::common::model().arm.unwrap().forward(&told.position);
+    assert!(
+        told.has_position == 0 || last.position[1] <= y + 0.05,
+        "it never left: {last:?}"
+    );
+}
+
+#[test]
+fn a_set_point_too_near_to_a_singular_position_ends_the_net_with_the_distance() {
+    let near = crate::common::model().arm.unwrap().singularity(&HOLD);
+    let mut space = Workspace::ANYWHERE;
+    space.singularity_min = near.distance - 0.005;
+    let mut fixture = EngineFixture::with(DeviceModel {
+        workspace: Some(space),
+        ..crate::common::model()
+    });
+    let id = fixture.load(line_net());
+    fixture.start(id);
+    assert_eq!(fixture.until_terminated(id, 5000), EndReason::Fault);
+    let fault = fixture.entry(id).fault;
+    assert_eq!(fault.violation, ViolationKind::Singularity.number());
+    assert_eq!((fault.joint, fault.limit), (0, space.singularity_min));
+    assert!(
+        fault.value < fault.limit && fault.value > fault.limit - 1e-3,
+        "{fault:?}"
+    );
+}
+
+#[test]
+fn a_set_point_beyond_a_limit_ends_the_net_with_joint_value_and_limit() {
+    let mut slow = crate::common::model();
+    slow.limits.velocity_max = [0.05; 8];
+    let mut fixture = EngineFixture::with(slow);
+    // Planned for a faster arm: the guard does not rely on the plan.
+    fixture.models[0] = crate::common::model();
+    let id = fixture.load(line_net());
+    fixture.start(id);
+    assert_eq!(fixture.until_terminated(id, 5000), EndReason::Fault);
+    let fault = fixture.entry(id).fault;
+    assert_eq!(fault.code, FaultCode::Limit as u32);
+    assert!(
+        fault.joint >= 1 && fault.value.abs() > fault.limit && fault.limit == 0.05,
+        "{fault:?}"
+    );
+    fixture.step();
+    let image = fixture.engine.image(0).unwrap();
+    assert_eq!(image.at(image.head.sequence).unwrap().has_position, 0);
+}
