@@ -1,5 +1,5 @@
 //! Cells of several tests run beside each other, except those of a test that needs the machine alone. Used by the threads
-//! of the test harness, each of which runs one test.
+//! of the test harness, each of which runs one test: the cells of a test are made by its own thread.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::ThreadId;
