@@ -11,7 +11,7 @@ static TURNS: Mutex<Turns> = Mutex::new(Turns {
 });
 static CHANGED: Condvar = Condvar::new();
 
-/// Who uses the machine.
+/// The tests that have cells, by their threads.
 struct Turns {
     /// The thread of each permit that allows others beside it.
     beside: Vec<ThreadId>,

@@ -13,15 +13,11 @@ fn verbs() -> Vec<String> {
     verbs.collect()
 }
 
-fn rcc_cli(arguments: &[&str]) -> String {
-    run_to(0, arguments).0
-}
-
 #[test]
 fn every_verb_has_a_manual_page() {
     let temporary = rcc_testing::folder();
     let folder = temporary.path().join("new");
-    rcc_cli(&["man", &folder.display().to_string()]);
+    run_to(0, &["man", &folder.display().to_string()]);
     let main = fs::read_to_string(folder.join("rcc-cli.1")).expect("the main page");
     let pages: Vec<(String, bool)> = verbs()
         .into_iter()
@@ -42,7 +38,7 @@ fn every_verb_has_a_manual_page() {
 #[test]
 fn completions_know_every_verb() {
     for shell in ["bash", "zsh", "fish"] {
-        let text = rcc_cli(&["completions", shell]);
+        let (text, _) = run_to(0, &["completions", shell]);
         for verb in verbs() {
             assert!(text.contains(&verb), "{shell}: {verb}");
         }

@@ -1,7 +1,8 @@
 //! Every net of the page of recipes: it is valid, and does in virtual time what the page says. Needs no cell.
 
-use serde_json::Value;
 use std::fs;
+
+use serde_json::Value;
 
 use crate::program::{repository, run, run_to};
 

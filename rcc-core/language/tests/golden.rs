@@ -8,22 +8,12 @@ mod harness;
 use std::fmt::Write as _;
 use std::fs;
 
-use harness::{NetHarness, cell, example, folder};
+use harness::{DEMO_START, NetHarness, cell, example, folder};
 use rcc_config::CellConfig;
 use rcc_core::fnv;
 
 /// Cycles whose values are in the trace; the last one ends the run.
 const SHOWN: [u64; 5] = [1, 10, 100, 950, 2950];
-/// Start position of the demo's arm, see `configs/cells/demo.yaml`, rad.
-const START: [f64; 7] = [
-    0.0,
-    (-30.0_f64).to_radians(),
-    0.0,
-    90.0_f64.to_radians(),
-    0.0,
-    (-60.0_f64).to_radians(),
-    0.0,
-];
 
 /// Returns a pseudo-random number below 1000.
 fn noise(cycle: u64, number: u64) -> u64 {
@@ -57,7 +47,7 @@ fn bits(value: f64) -> u64 {
 }
 
 fn trace(name: &str, cell: &CellConfig) -> String {
-    let mut harness = NetHarness::new(example(name, cell), cell, START);
+    let mut harness = NetHarness::new(example(name, cell), cell, DEMO_START);
     let outputs: Vec<String> = harness
         .net
         .names

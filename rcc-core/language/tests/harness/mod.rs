@@ -24,6 +24,18 @@ pub fn folder(path: &str) -> PathBuf {
         .join(path)
 }
 
+/// Start position of the demo's arm, see `configs/cells/demo.yaml`, rad.
+#[allow(dead_code)] // Not every test begins there.
+pub const DEMO_START: [f64; 7] = [
+    0.0,
+    (-30.0_f64).to_radians(),
+    0.0,
+    90.0_f64.to_radians(),
+    0.0,
+    (-60.0_f64).to_radians(),
+    0.0,
+];
+
 /// Compiles an example net for the demo.
 #[allow(dead_code)] // Not every test has example nets.
 pub fn example(name: &str, cell: &CellConfig) -> Compiled {

@@ -1,22 +1,12 @@
 //! Every net in `configs/nets` compiles for the demo cell, runs in virtual time and does what it demonstrates.
 
-use crate::harness::{NetHarness, cell, eight, example, folder};
+use crate::harness::{DEMO_START, NetHarness, cell, eight, example, folder};
 use rcc_config::CellConfig;
 use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
 use rcc_language::codes;
 use rcc_motion::stop_time;
 
-/// Start position of the demo's arm, see `configs/cells/demo.yaml`, rad.
-const START: [f64; 7] = [
-    0.0,
-    (-30.0_f64).to_radians(),
-    0.0,
-    90.0_f64.to_radians(),
-    0.0,
-    (-60.0_f64).to_radians(),
-    0.0,
-];
 const FIGURES: [&str; 3] = ["line", "guarded-line", "welding-line"];
 /// Limit of cycles for every example.
 const CYCLES_MAX: u64 = 20_000;
@@ -26,7 +16,7 @@ fn demo() -> CellConfig {
 }
 
 fn harness(name: &str, cell: &CellConfig) -> NetHarness {
-    NetHarness::new(example(name, cell), cell, START)
+    NetHarness::new(example(name, cell), cell, DEMO_START)
 }
 
 fn channel(cell: &CellConfig, device: &str, channel: &str) -> (usize, usize) {
@@ -119,7 +109,7 @@ fn only_figure_3_has_a_warning() {
 fn the_figures_end_on_their_successive_lines() {
     let cell = demo();
     let arm = cell.models()[0].arm.unwrap();
-    let mut hold = START;
+    let mut hold = DEMO_START;
     for name in FIGURES {
         let mut harness = NetHarness::new(example(name, &cell), &cell, hold);
         let (from, to) = (arm.forward(&eight(&hold)), pose(&harness.values_of_goal()));
@@ -396,7 +386,7 @@ fn new_goal_ends_at_the_second_goal_within_half_of_the_robot_s_limits() {
     let cell = demo();
     let limits = cell.models()[0].limits;
     let mut harness = harness("new-goal", &cell);
-    let (mut position, mut velocity) = (START, [0.0; 7]);
+    let (mut position, mut velocity) = (DEMO_START, [0.0; 7]);
     let mut acceleration = [0.0; 7];
     while !harness.terminated {
         harness.step();

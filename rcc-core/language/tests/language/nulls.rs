@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::harness::NetHarness;
+use crate::harness::{DEMO_START, NetHarness};
 use proptest::prelude::*;
 use rcc_config::CellConfig;
 use rcc_language::compile;
@@ -13,17 +13,6 @@ use rcc_language::null_analysis::{NullAnalysis, NullCause, analyse_nulls, find_a
 use rcc_language::parse::parse;
 use rcc_language::resolve::{NetGraph, OutputId, resolve};
 use rcc_language::source_map::SourceMap;
-
-/// Position of the arm, near the start of the example nets.
-const HOLD: [f64; 7] = [
-    0.0,
-    (-30.0_f64).to_radians(),
-    0.0,
-    90.0_f64.to_radians(),
-    0.0,
-    (-60.0_f64).to_radians(),
-    0.0,
-];
 
 /// Returns why each primitive of a net can be null, `-` if it cannot, in the order of the file.
 fn why(primitives: &str) -> Vec<String> {
@@ -237,7 +226,7 @@ fn run(text: &str) {
     let always = always_null(text);
     let cell = crate::harness::cell("configs/cells/demo.yaml");
     let net = compile(text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
-    let mut harness = NetHarness::new(net, &cell, HOLD);
+    let mut harness = NetHarness::new(net, &cell, DEMO_START);
     for cycle in 0..60 {
         if cycle == 30 {
             harness

@@ -121,12 +121,12 @@ fn a_driver_that_stops_by_itself_ends_the_net() {
 
 #[test]
 fn a_set_point_outside_of_the_workspace_ends_the_net_with_axis_place_and_bound() {
-    let y = crate::common::model().arm.unwrap().forward(&HOLD).position[1];
+    let y = model().arm.unwrap().forward(&HOLD).position[1];
     let mut space = Workspace::ANYWHERE;
     space.upper[1] = y + 0.05;
     let mut fixture = EngineFixture::with(DeviceModel {
         workspace: Some(space),
-        ..crate::common::model()
+        ..model()
     });
     let id = fixture.load(line_net());
     fixture.start(id);
@@ -141,7 +141,7 @@ fn a_set_point_outside_of_the_workspace_ends_the_net_with_axis_place_and_bound()
         "{fault:?}"
     );
     let told = fixture.told();
-    let last = crate::common::model().arm.unwrap().forward(&told.position);
+    let last = model().arm.unwrap().forward(&told.position);
     assert!(
         told.has_position == 0 || last.position[1] <= y + 0.05,
         "it never left: {last:?}"
@@ -150,12 +150,12 @@ fn a_set_point_outside_of_the_workspace_ends_the_net_with_axis_place_and_bound()
 
 #[test]
 fn a_set_point_too_near_to_a_singular_position_ends_the_net_with_the_distance() {
-    let near = crate::common::model().arm.unwrap().singularity(&HOLD);
+    let near = model().arm.unwrap().singularity(&HOLD);
     let mut space = Workspace::ANYWHERE;
     space.singularity_min = near.distance - 0.005;
     let mut fixture = EngineFixture::with(DeviceModel {
         workspace: Some(space),
-        ..crate::common::model()
+        ..model()
     });
     let id = fixture.load(line_net());
     fixture.start(id);
@@ -171,11 +171,11 @@ fn a_set_point_too_near_to_a_singular_position_ends_the_net_with_the_distance() 
 
 #[test]
 fn a_set_point_beyond_a_limit_ends_the_net_with_joint_value_and_limit() {
-    let mut slow = crate::common::model();
+    let mut slow = model();
     slow.limits.velocity_max = [0.05; 8];
     let mut fixture = EngineFixture::with(slow);
     // Planned for a faster arm: the guard does not rely on the plan.
-    fixture.models[0] = crate::common::model();
+    fixture.models[0] = model();
     let id = fixture.load(line_net());
     fixture.start(id);
     assert_eq!(fixture.until_terminated(id, 5000), EndReason::Fault);
