@@ -4,7 +4,7 @@
 //! A file is a sequence of 64-bit words, little-endian: the magic number, the length of the head in bytes, the head
 //! (JSON, padded with spaces), the command files of the nets (as the loader wrote them, padded with zeros), the
 //! devices, the plans with their start conditions, the records of the ring ([`crate::record::entry`]), and a checksum
-//! over all words ([`crate::hash::version_1`], as of Ints).
+//! over all words ([`WordChecksum`]).
 
 mod word_format;
 
@@ -29,9 +29,7 @@ pub const EXTENSION: &str = "rcc-incident";
 /// Magic number: the first word of an incident file.
 const MARK: u64 = u64::from_le_bytes(*b"RCC-incd");
 /// Version of the file format.
-pub const FORMAT: u32 = 8;
-/// The oldest version that is read: its evaluations have another hash, see [`crate::hash`].
-const FORMAT_OLDEST: u32 = 7;
+pub const FORMAT: u32 = 9;
 /// Greatest length of the head, bytes.
 const HEAD_MAX: u64 = 4 << 20;
 /// Greatest length of a command file, bytes; longer ones are left out.
@@ -293,7 +291,7 @@ pub fn read_head(path: &Path) -> Result<(IncidentHead, Option<Vec<u8>>), Inciden
 
 fn parse_head(text: &[u8]) -> Result<IncidentHead, IncidentError> {
     let head: IncidentHead = serde_json::from_slice(text).map_err(|_| DamagedFile("the head"))?;
-    if (FORMAT_OLDEST..=FORMAT).contains(&head.format) {
+    if head.format == FORMAT {
         return Ok(head);
     }
     let IncidentHead {

@@ -24,7 +24,7 @@ use crate::queue::EngineRequest;
 use crate::rows::{RowIndex, RowSet, set_bits};
 use crate::rule_set::RuleSet;
 use entry::{
-    BEGINS, CANCEL, HASH_2, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
+    BEGINS, CANCEL, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
     prepared_again_flags,
 };
 use ring::RecordRing;
@@ -264,7 +264,7 @@ impl FlightRecorder {
             self.due.remove(row);
         }
         let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
-        let flags = flags | HASH_2 | prepared_again_flags(net.prepared_again());
+        let flags = flags | prepared_again_flags(net.prepared_again());
         let outcome = outcome_number(evaluation);
         self.ring.push(&[
             head(RecordTag::Net, outcome, flags, 4),

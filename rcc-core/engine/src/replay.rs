@@ -336,7 +336,7 @@ impl NetReplay {
             let (recorded, replayed) = (cycles, net.cycles);
             Some(MismatchKind::Cycles { recorded, replayed })
         } else {
-            (!recorded.is_of(net.arenas(), net.hash())).then_some(MismatchKind::Slots)
+            (net.hash() != recorded).then_some(MismatchKind::Slots)
         };
         let result = &mut self.result;
         result.compared += 1;

@@ -1,6 +1,6 @@
 //! Work on long arrays, compiled once more for the wide vectors that most processors have. Any thread, also real-time
 //! threads: what the processor has is found out once, without a system call.
-// One call of a function for a processor that was found to be this one, only in this file.
+// Calls of functions for a processor that was found to be this one, only in this file.
 #![allow(unsafe_code)]
 
 /// Work that gives the same result whatever it is compiled for; `run` is to be `#[inline(always)]`, or it runs as compiled
@@ -17,10 +17,23 @@ pub trait WideWork {
 #[inline(always)]
 pub fn with_wide_vectors<W: WideWork>(work: W) -> W::Result {
     #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx512dq")
+        && std::arch::is_x86_feature_detected!("avx512vl")
+    {
+        // SAFETY: this processor has these parts of AVX-512, and the function needs nothing else.
+        return unsafe { with_avx512(work) };
+    }
+    #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: this processor has AVX2, and the function needs nothing else.
         return unsafe { with_avx2(work) };
     }
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512dq,avx512vl")]
+fn with_avx512<W: WideWork>(work: W) -> W::Result {
     work.run()
 }
 

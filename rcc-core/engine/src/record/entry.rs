@@ -7,7 +7,6 @@ use rcc_core::message::{FaultCode, FaultRecord, JOINTS_MAX, Measurement};
 use rcc_protocol::rules::RuleState;
 
 use super::rule_entry::{self, RecordedRule};
-use crate::hash::RecordedHash;
 use crate::net::Evaluation;
 use crate::rule_set::RuleSet;
 pub use crate::snapshot::NetSnapshot;
@@ -74,9 +73,6 @@ pub(crate) fn is_of_net(head: u64) -> bool {
 pub(super) const BEGINS: u16 = 1;
 /// Flag of an evaluation or snapshot: CANCEL was requested.
 pub(super) const CANCEL: u16 = 2;
-
-/// Flag of an evaluation: the hash is of version 2.
-pub(super) const HASH_2: u16 = 4;
 
 /// Flags of an evaluation that give how often the net was prepared again: only evaluations of the net whose plan the
 /// incident contains can be compared.
@@ -194,7 +190,7 @@ pub enum RecordEntry<'a> {
         /// Number of its evaluations, including this one.
         cycles: u64,
         /// Hash of all its slots after the evaluation.
-        hash: RecordedHash,
+        hash: u64,
     },
     /// A value from outside, which the following evaluation sees.
     Set {
@@ -320,10 +316,7 @@ fn read(head: u64, words: &[u64]) -> Option<RecordEntry<'_>> {
             evaluation: outcome_of(small)?,
             dt_s: f64::from_bits(dt_s),
             cycles,
-            hash: match flags & HASH_2 {
-                0 => RecordedHash::Version1(hash),
-                _ => RecordedHash::Version2(hash),
-            },
+            hash,
         },
         (RecordTag::Set, &[id, input, ref words @ ..]) => RecordEntry::Set {
             id,

@@ -10,7 +10,7 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
 use rcc_core::types::Store;
-use rcc_engine::hash::{WordChecksum, version_1};
+use rcc_engine::hash::WordChecksum;
 use rcc_engine::net::{Net, NetOrigin};
 use rcc_engine::queue::EngineRequest;
 use rcc_engine::record::{
@@ -387,35 +387,6 @@ fn a_changed_hash_is_found_at_its_cycle() {
     let results = stage.replay(&tape.words);
     assert_eq!(results[0].different, 1);
     assert_eq!(results[0].mismatch.expect("it is found").net_cycle, 778);
-}
-
-#[test]
-fn a_recording_with_hashes_of_version_1_is_replayed() {
-    let (stage, mut tape) = analog_tape();
-    let words = &mut tape.words;
-    let offset = std::mem::offset_of!(Measurement, analog) / 8 + 2;
-    let nets = records(words, 5);
-    let mut all = [records(words, 2), nets.clone()].concat();
-    all.sort_unstable();
-    let (mut value, mut sum) = (f64::NAN, 0.0);
-    for at in all {
-        match words[at] as u8 {
-            5 => {
-                sum += value;
-                // Without the flag of version 2.
-                words[at] &= !(4 << 16);
-                words[at + 4] = version_1::hash(&[value, sum, sum], &[0], &[]);
-            }
-            _ if (words[at] >> 8) as u8 == 1 => value = f64::from_bits(words[at + 1 + offset]),
-            _ => {}
-        }
-    }
-    let results = stage.replay(words);
-    assert_eq!(results[0].mismatch, None);
-    assert!(results[0].compared > 1500, "{results:?}");
-    words[nets[777] + 4] ^= 1;
-    let results = stage.replay(words);
-    assert_eq!(results[0].different, 1);
 }
 
 #[test]

@@ -84,7 +84,7 @@ fn an_incident_file_is_replayed_as_the_recording_was() {
 }
 
 #[test]
-fn the_format_before_is_read_and_all_others_are_refused_in_words() {
+fn files_of_other_formats_are_refused_in_words() {
     let mut stage = Recorded::new(4 << 20);
     let id = stage.load(line_net()).expect("a net");
     stage.start(id);
@@ -94,7 +94,7 @@ fn the_format_before_is_read_and_all_others_are_refused_in_words() {
     for format in 0..12 {
         let words = file_for(&stage, &tape, catalogue, format);
         match format {
-            7 | 8 => assert_eq!(replay_file(&words), Ok(stage.replay(&tape.words))),
+            incident::FORMAT => assert_eq!(replay_file(&words), Ok(stage.replay(&tape.words))),
             _ => {
                 let told = replay_file(&words).expect_err("another format");
                 assert!(told.contains(&format!("format {format}")), "{told}");
