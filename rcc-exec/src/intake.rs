@@ -8,7 +8,7 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use rcc_core::frame::DeviceModel;
-use rcc_core::message::CycleStatus;
+use rcc_core::message::{CommandState, CycleStatus};
 use rcc_engine::costs::Costs;
 use rcc_engine::queue::ValueReading;
 use rcc_ipc::events::EventRecorder;
@@ -58,6 +58,8 @@ enum OnDone {
     Nothing,
     /// Record a command that is now ready.
     Ready(u64, Option<RehearsalReport>, ReadyCommand),
+    /// Nothing: the START of a command was withdrawn, so it is all right that the command is still ready.
+    Withdrawn,
     /// Forget the origins of commands that are now started.
     Started(Vec<u64>, Option<RehearsalReport>),
     /// Remember values that were set before START.
@@ -274,16 +276,11 @@ impl Intake {
                 return reply(request, &Answer::Refused(Refusal::NotUnderstood));
             }
         };
-        // A CANCEL or ABORT does not wait for a net to be built: a START that has not taken effect is withdrawn, and
-        // for a command that is loading the real-time thread gives the answer.
-        if let Call::Cancel { id } | Call::Abort { id } = call
-            && let Some(state) = self.building.get(&id)
-        {
-            if *state == BuildState::New {
-                return self.dispatch(call, request);
-            }
-            self.withdraw(id);
-            return reply(request, &Answer::Done { cycle: 0 });
+        // A call that only stops does not wait for a net to be built: a START that has not taken effect is withdrawn. The
+        // real-time thread disarms the rules that would start something after the stop, and gives the answer.
+        if let Some(stopped) = stops_only(&call) {
+            stopped.iter().for_each(|id| self.withdraw(*id));
+            return self.dispatch(call, request);
         }
         // Other calls that name a command whose net is being built are deferred until it is finished.
         if self.awaits_build(&call) {
@@ -364,8 +361,14 @@ impl Intake {
                     reading,
                 }
             }
-            Call::Cancel { id } => EngineRequest::Cancel { ticket, id },
-            Call::Abort { id } => EngineRequest::Abort { ticket, id },
+            Call::Cancel { id } => {
+                on_done = self.on_stopped(id);
+                EngineRequest::Cancel { ticket, id }
+            }
+            Call::Abort { id } => {
+                on_done = self.on_stopped(id);
+                EngineRequest::Abort { ticket, id }
+            }
             Call::Unload { id } => {
                 on_done = OnDone::Unloaded(id);
                 EngineRequest::Unload { ticket, id }
@@ -405,11 +408,21 @@ impl Intake {
             self.ids.cover(id.saturating_add(RULES_PER_REQUEST as u64));
         }
         self.note_rules(&answer, &mut on_done);
+        if let (OnDone::Withdrawn, Answer::Refused(Refusal::WrongState { state })) =
+            (&on_done, &answer)
+            && CommandState::from_number(*state) == CommandState::Ready
+        {
+            let cycle = self.status.read().cycle;
+            return Answer::Done { cycle };
+        }
         let Answer::Done { cycle } = answer else {
             return answer;
         };
         let rehearsed = match on_done {
-            OnDone::Nothing | OnDone::RulesInstalled(_) | OnDone::RuleRemoved(_) => None,
+            OnDone::Nothing
+            | OnDone::Withdrawn
+            | OnDone::RulesInstalled(_)
+            | OnDone::RuleRemoved(_) => None,
             OnDone::Ready(id, rehearsed, ready) => {
                 self.send_origin(id, &ready.origin);
                 self.ready.insert(id, ready);
@@ -457,6 +470,15 @@ fn until_answer(status: &CycleStatus, now_ns: u64) -> Duration {
         .saturating_add(status.period_ns)
         .saturating_add(status.exec_last_ns);
     Duration::from_nanos(due_ns.saturating_sub(now_ns)).clamp(LATE_POLL, IDLE_MAX)
+}
+
+/// Returns the commands that a call stops if it does nothing else.
+fn stops_only(call: &Call) -> Option<Vec<u64>> {
+    match call {
+        Call::Cancel { id } | Call::Abort { id } => Some(vec![*id]),
+        Call::Switch { stop, start } if start.is_empty() => Some(stop.clone()),
+        _ => None,
+    }
 }
 
 /// Returns the commands that a call changes, except the one that an Install creates.

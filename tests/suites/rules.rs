@@ -194,7 +194,7 @@ fn a_cancel_by_a_person_disarms_what_would_start_the_arm_after_it() {
 }
 
 #[test]
-fn a_client_that_is_gone_starts_no_arm_and_what_it_started_is_cancelled() {
+fn a_client_that_is_gone_starts_no_arm_and_what_it_started_is_canceled() {
     let cell = TestCell::demo();
     let held = cell.load(&hold_for("held", "1000 s"));
     let second = cell.load(&hold_for("second", "1 s"));

@@ -266,7 +266,7 @@ impl NameResolver<'_> {
             ),
             Refusal::Withdrawn => (
                 codes::WRONG_STATE,
-                format!("{net} was canceled or aborted before it started, and remains ready"),
+                format!("the start of {net} was withdrawn by a CANCEL or ABORT; it remains ready"),
                 format!("to start it nevertheless: `rcc-cli start {net}`"),
             ),
             Refusal::Rule { index, fault } => {
@@ -293,6 +293,11 @@ impl NameResolver<'_> {
                 codes::LEASE_REFUSED,
                 format!("all {max} leases are in use"),
                 "end leases that are no longer needed: `DELETE /leases/NUMBER`".into(),
+            ),
+            Refusal::LeaseEnded { lease } => (
+                codes::UNKNOWN_LEASE,
+                format!("{net} is bound to lease {lease}, which has expired or was ended"),
+                "bind it to a lease of your own (`POST /leases/ID/commands`), or load it again".into(),
             ),
         };
         ApiError::new(code, message, help)
@@ -528,7 +533,7 @@ fn wrong_state(net: &str, state: CommandState) -> (ErrorCode, String, String) {
     let help = match state {
         CommandState::Loading => "wait until it is ready: `rcc-cli state`".to_owned(),
         CommandState::Rejected => {
-            format!("`rcc-cli state {net}` shows why; correct the text and load it again")
+            format!("`rcc-cli state {net}` shows why and the remedy; then load the text again")
         }
         CommandState::Ready => format!("start it first: `rcc-cli start {net}`"),
         CommandState::Running | CommandState::Canceling => {

@@ -329,7 +329,7 @@ fn stay() -> PlanData {
     plan.data
 }
 
-/// One round of everything: nets start, end, are cancelled, aborted, handed over, refused, and fault; cycles are late.
+/// One round of everything: nets start, end, are canceled, aborted, handed over, refused, and fault; cycles are late.
 fn live(fixture: &mut EngineFixture) {
     let ids = [line_net(), stay(), stay(), drift_net(0.0, 0.0)].map(|plan| fixture.load(plan));
     let outputs = [output_net(1), output_net(1), endless_net(2)].map(|plan| fixture.load(plan));

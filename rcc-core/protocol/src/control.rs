@@ -267,7 +267,7 @@ pub enum Call {
         /// Id of the lease.
         lease: u64,
     },
-    /// Binds commands to a lease: when it is lost, those that are active are cancelled, or aborted if they cannot be.
+    /// Binds commands to a lease: when it is lost, those that are active are canceled, or aborted if they cannot be.
     BindLease {
         /// Id of the lease.
         lease: u64,

@@ -213,4 +213,9 @@ pub enum Refusal {
         /// [`crate::rules::LEASES_MAX`].
         max: u32,
     },
+    /// The command is bound to a lease that has expired or was ended: the client for which it was to run is gone.
+    LeaseEnded {
+        /// The lease.
+        lease: u64,
+    },
 }

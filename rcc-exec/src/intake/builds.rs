@@ -39,16 +39,37 @@ impl Intake {
         commands.iter().any(|id| self.building.contains_key(id))
     }
 
-    /// Refuses every START of this command that has not taken effect.
+    /// A client stops this command: if its net is being built again for a START, refuses that START, and every other call
+    /// that would start the command, or that has a rule which starts something and names it.
     pub(super) fn withdraw(&mut self, id: u64) {
-        self.building.insert(id, BuildState::Withdrawn);
-        for (call, request) in std::mem::take(&mut self.deferred) {
-            match call {
-                Call::Start { id: other } if other == id => {
-                    reply(request, &Answer::Refused(Refusal::Withdrawn));
-                }
-                call => self.deferred.push_back((call, request)),
+        match self.building.get_mut(&id) {
+            Some(state @ BuildState::ForStart) => *state = BuildState::Withdrawn,
+            Some(BuildState::Withdrawn) => {}
+            Some(BuildState::New) | None => return,
+        }
+        let starts = |call: &Call| match call {
+            Call::Start { id: other } => *other == id,
+            Call::Switch { start, .. } => start.contains(&id),
+            Call::InstallRules { rules } => {
+                let mut rules = rules.iter().map(|new| &new.rule);
+                rules.any(|rule| rule.starts() && rule.names(id))
             }
+            _ => false,
+        };
+        for (call, request) in std::mem::take(&mut self.deferred) {
+            if starts(&call) {
+                reply(request, &Answer::Refused(Refusal::Withdrawn));
+            } else {
+                self.deferred.push_back((call, request));
+            }
+        }
+    }
+
+    /// The action for the answer to a CANCEL or ABORT.
+    pub(super) fn on_stopped(&self, id: u64) -> OnDone {
+        match self.building.get(&id) {
+            Some(BuildState::Withdrawn) => OnDone::Withdrawn,
+            _ => OnDone::Nothing,
         }
     }
 
@@ -84,6 +105,11 @@ impl Intake {
         };
         let pending = self.pending.remove(&ticket);
         if let Some(PendingRequest { request, .. }) = pending {
+            // Whoever has given up waiting was told of an error: nothing of it takes effect afterwards.
+            let net = match request.is_awaited() {
+                true => net,
+                false => Err(Refusal::Withdrawn),
+            };
             match net {
                 Ok((net, rehearsed)) if rebuild => {
                     self.start_rebuilt(ticket, id, net, rehearsed, request)
@@ -113,7 +139,7 @@ impl Intake {
         for (call, request) in std::mem::take(&mut self.deferred) {
             if self.awaits_build(&call) {
                 self.deferred.push_back((call, request));
-            } else {
+            } else if request.is_awaited() {
                 self.dispatch(call, request);
             }
         }

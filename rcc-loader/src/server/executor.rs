@@ -34,7 +34,7 @@ enum CallClass {
     Install,
     /// Changes: may take as long as rebuilding a net.
     Change,
-    /// Queries: take a cycle or two.
+    /// Queries, and leases, which must be renewed in time: take a cycle or two.
     Query,
 }
 
@@ -47,15 +47,15 @@ impl CallClass {
             | Call::Switch { .. }
             | Call::Set { .. }
             | Call::Unload { .. }
+            | Call::InstallRules { .. }
+            | Call::BindLease { .. }
             | Call::Reject { .. } => CallClass::Change,
             Call::Reserve
-            | Call::InstallRules { .. }
             | Call::RemoveRule { .. }
             | Call::Rules { .. }
             | Call::GrantLease { .. }
             | Call::RenewLease { .. }
             | Call::EndLease { .. }
-            | Call::BindLease { .. }
             | Call::Read { .. }
             | Call::Record
             | Call::Recorded { .. }

@@ -116,6 +116,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
             max_ns: 2,
         },
         Refusal::LeasesFull { max: 4 },
+        Refusal::LeaseEnded { lease: 3 },
         Refusal::RuleCommand { index: 0, state: 0 },
         Refusal::RuleCommand { index: 1, state: 6 },
         rule(RuleFault::TableFull { max: 128 }),

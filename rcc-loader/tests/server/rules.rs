@@ -1,6 +1,8 @@
 //! Rules and leases by name, against the fake executor.
 
-use rcc_api::bodies::{LeaseBody, LeaseCommands, OnClientLoss, RuleBody, RulesBody, Start};
+use rcc_api::bodies::{
+    CommandList, CommandRef, LeaseBody, LeaseCommands, OnClientLoss, RuleBody, RulesBody, Start,
+};
 use rcc_core::topic::Topic;
 use rcc_protocol::rules::{RULE_TEXT_MAX, Rule, RuleTerm};
 
@@ -175,6 +177,24 @@ fn a_start_that_is_refused_leaves_no_rule_and_one_with_a_lease_binds_first() {
     let error = service.start(&without_deadline(), "grip", &lost);
     assert_eq!(error.expect_err("lost").code, codes::UNKNOWN_LEASE);
     assert_eq!(service.rules().expect("listed").len(), 1);
+    // The lease ends between binding and START: no rule is left, and the command is bound to nothing.
+    let (ready, _) = loaded(&service);
+    let ending = Start {
+        lease: Some(LEASE_ENDING),
+        ..options.clone()
+    };
+    let error = service.start(&without_deadline(), &ready.to_string(), &ending);
+    assert_eq!(error.expect_err("ended").code, codes::UNKNOWN_LEASE);
+    assert_eq!(service.rules().expect("listed").len(), 1);
+    let calls = executor.seen.lock().expect("seen").calls.clone();
+    let unbinds = |call: &Call| matches!(call, Call::BindLease { lease: 0, commands } if *commands == [ready]);
+    assert!(calls.iter().any(unbinds), "{calls:?}");
+    // 0 is no lease for clients.
+    let none = LeaseCommands {
+        commands: CommandList::One(CommandRef::Id(ready)),
+    };
+    let error = service.bind_lease(&without_deadline(), 0, &none);
+    assert_eq!(error.expect_err("no lease").code, codes::UNKNOWN_LEASE);
     // No such command any more when START arrives.
     let gone = service.start(
         &without_deadline(),

@@ -36,6 +36,8 @@ pub(super) struct CommandRow {
     pub(super) next_timed_run: usize,
     /// The lease of the client for which it runs; 0: none.
     pub(super) lease: u64,
+    /// Bit d is set if the arm of device d was lost while the net, which survives that, commanded it.
+    pub(super) lost_arms: u64,
 }
 
 impl CommandRow {
@@ -46,6 +48,7 @@ impl CommandRow {
             pending: PendingTransition::Nothing,
             next_timed_run: 0,
             lease: 0,
+            lost_arms: 0,
         }
     }
 

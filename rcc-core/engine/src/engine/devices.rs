@@ -10,6 +10,7 @@ use rcc_core::message::{
     Measurement, SetPoint,
 };
 
+use super::command_table::CommandRow;
 use super::{Engine, EngineConfig, SETTLE_MAX_NS};
 use crate::boards::DeviceBoards;
 use crate::queue::{EngineEvent, EngineReply};
@@ -26,8 +27,7 @@ pub(super) struct Device<B: DeviceBoards> {
     pub(super) guard: Guard,
     /// The engagement of the command that currently commands the arm.
     pub(super) engagement: Option<Engagement>,
-    /// Guard and engagement before a hand-over is tried, to restore them if it is refused.
-    before_handover: (Guard, Option<Engagement>),
+    before_handover: BeforeHandover,
     /// Commands of this cycle.
     point: SetPoint,
     /// A net has added commands to `point` in this cycle.
@@ -90,7 +90,12 @@ impl<B: DeviceBoards> Devices<B> {
                     index,
                     driver: None,
                     set_points,
-                    before_handover: (guard.clone(), None),
+                    before_handover: BeforeHandover {
+                        guard: guard.clone(),
+                        engagement: None,
+                        point: SetPoint::NONE,
+                        commanded: false,
+                    },
                     guard,
                     engagement: None,
                     point: SetPoint::NONE,
@@ -158,6 +163,16 @@ fn reported_state(input: &DeviceInput) -> DeviceState {
     }
 }
 
+/// State of a device before a hand-over is tried, to restore it if the hand-over is refused. An earlier hand-over of the
+/// same cycle may have commanded the device already.
+#[derive(Clone, Debug)]
+struct BeforeHandover {
+    guard: Guard,
+    engagement: Option<Engagement>,
+    point: SetPoint,
+    commanded: bool,
+}
+
 impl<B: DeviceBoards> Device<B> {
     pub(super) fn set_points(&self) -> &B::SetPoints {
         &self.set_points
@@ -178,13 +193,24 @@ impl<B: DeviceBoards> Device<B> {
 
     /// Remembers the state to which [`Device::undo_handover`] returns.
     pub(super) fn begin_handover(&mut self) {
-        self.before_handover = (self.guard.clone(), self.engagement);
+        self.before_handover = BeforeHandover {
+            guard: self.guard.clone(),
+            engagement: self.engagement,
+            point: self.point,
+            commanded: self.commanded,
+        };
     }
 
     /// Restores the state before the hand-over was tried.
     pub(super) fn undo_handover(&mut self) {
-        (self.guard, self.engagement) = self.before_handover.clone();
-        self.begin_cycle();
+        let BeforeHandover {
+            guard,
+            engagement,
+            point,
+            commanded,
+        } = self.before_handover.clone();
+        (self.guard, self.engagement) = (guard, engagement);
+        (self.point, self.commanded) = (point, commanded);
     }
 
     /// Ends the engagement of the net in `row`, if there is one.
@@ -385,8 +411,14 @@ impl<B: DeviceBoards> Engine<B> {
         }
     }
 
-    /// Passes the commands of the net in `row` on to its devices: all of them, or none and a fault.
-    pub(super) fn pass_commands(&mut self, row: RowIndex) -> Result<(), FaultRecord> {
+    /// Passes the commands of the net in `row` on to its devices: all of them, or none and a fault. If it `survives` the
+    /// loss of a device, an arm that is lost gets nothing from then on, also when it is back: whoever brought it back does
+    /// not expect that it moves.
+    pub(super) fn pass_commands(
+        &mut self,
+        row: RowIndex,
+        survives: bool,
+    ) -> Result<(), FaultRecord> {
         let now = GuardedCycle {
             cycle: self.status.cycle,
             period_ns: self.period_ns,
@@ -395,7 +427,8 @@ impl<B: DeviceBoards> Engine<B> {
         let Some(net) = &self.commands[row].net else {
             return Ok(());
         };
-        for index in set_bits(net.arms()) {
+        let mut lost = self.commands[row].lost_arms;
+        for index in set_bits(net.arms() & !lost) {
             let place = self.devices.get_mut(index).zip(net.outputs().get(index));
             let Some(((input, device), output)) = place else {
                 continue;
@@ -407,19 +440,31 @@ impl<B: DeviceBoards> Engine<B> {
                 followed: false,
                 follows_from_ns: 0,
             };
-            let begins = device.check_set_point(input, output, next, now)?;
-            self.next_engagement += u64::from(begins);
+            match device.check_set_point(input, output, next, now) {
+                Ok(begins) => self.next_engagement += u64::from(begins),
+                Err(fault) if survives && fault.code == FaultCode::DeviceLost as u32 => {
+                    device.disengage(row);
+                    lost |= 1 << index;
+                }
+                Err(fault) => return Err(fault),
+            }
         }
+        self.commands[row].lost_arms = lost;
         self.merge_outputs(row);
         Ok(())
     }
 
-    /// Adds the outputs of the net in `row` to the commands of this cycle.
+    /// Adds the outputs of the net in `row` to the commands of this cycle, except those for arms that it has lost.
     pub(super) fn merge_outputs(&mut self, row: RowIndex) {
-        let Some(net) = &self.commands[row].net else {
+        let CommandRow {
+            net: Some(net),
+            lost_arms,
+            ..
+        } = &self.commands[row]
+        else {
             return;
         };
-        for index in set_bits(net.devices()) {
+        for index in set_bits(net.devices() & !lost_arms) {
             let place = self.devices.get_mut(index).zip(net.outputs().get(index));
             if let Some(((_, device), output)) = place {
                 device.add(output);
@@ -434,13 +479,14 @@ impl<B: DeviceBoards> Engine<B> {
         set_bits(used & self.devices.offline).next()
     }
 
-    /// Returns true if all arms of the net in `row` have played everything up to `logical_ns` and rest.
+    /// Returns true if all arms of the net in `row`, without those that it has lost, have played everything up to
+    /// `logical_ns` and rest.
     pub(super) fn arms_settled(&self, row: RowIndex, logical_ns: u64) -> bool {
         let row = &self.commands[row];
         self.devices.iter().all(|(input, device)| {
             let settled = input.measurement.settled_ns >= logical_ns
                 && reported_state(input) == DeviceState::Ready;
-            settled || !row.claims_arm(device.index)
+            settled || row.claims().arms & !row.lost_arms & 1 << device.index == 0
         })
     }
 

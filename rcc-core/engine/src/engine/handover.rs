@@ -65,11 +65,14 @@ impl<B: DeviceBoards> Engine<B> {
         stop: [u64; SWITCH_MAX],
         start: [u64; SWITCH_MAX],
     ) {
+        if start == [0; SWITCH_MAX] {
+            for &id in stop.iter().filter(|id| **id != 0) {
+                self.disarm_after_stop(id);
+                self.withdraw_handover(id);
+            }
+        }
         if self.handover.is_some() {
             return self.refuse_handover(ticket, (0, Refusal::Overloaded));
-        }
-        if start == [0; SWITCH_MAX] {
-            stop.iter().for_each(|id| self.disarm_after_stop(*id));
         }
         self.handover = Some(Handover {
             ticket,
@@ -77,6 +80,21 @@ impl<B: DeviceBoards> Engine<B> {
             start,
             since_cycle: self.status.cycle,
         });
+    }
+
+    /// A client stops this command: a hand-over that waits and names it is refused. Returns true if it would have
+    /// started the command, which stays ready.
+    pub(super) fn withdraw_handover(&mut self, id: u64) -> bool {
+        let names =
+            |handover: &mut Handover| handover.stop.contains(&id) || handover.start.contains(&id);
+        let Some(handover) = self.handover.take_if(|handover| id != 0 && names(handover)) else {
+            return false;
+        };
+        let [first, ..] = handover.start;
+        let starts = handover.start.contains(&id);
+        let withdrawn = if starts { id } else { first };
+        self.refuse_handover(handover.ticket, (withdrawn, Refusal::Withdrawn));
+        starts
     }
 
     /// Checks states, resources and devices.
@@ -151,7 +169,11 @@ impl<B: DeviceBoards> Engine<B> {
             return RowSet::EMPTY;
         };
         let ticket = handover.ticket;
-        match self.hand_over(&handover, now_ns) {
+        let outcome = match self.check_leases(&handover.start) {
+            Ok(()) => self.hand_over(&handover, now_ns),
+            Err(refused) => HandoverOutcome::Refused(refused),
+        };
+        match outcome {
             HandoverOutcome::Done(sets) => {
                 let cycle = self.status.cycle;
                 let answer = Answer::Done { cycle };
@@ -238,7 +260,7 @@ impl<B: DeviceBoards> Engine<B> {
             let takes = claimed && self.take_over(row, index, leave)?;
             taken |= u64::from(takes) << index;
         }
-        let passed = self.pass_commands(row);
+        let passed = self.pass_commands(row, false);
         passed.map_err(|fault| match taken.checked_shr(fault.device) {
             Some(bits) if bits & 1 == 1 => self.discontinued(fault),
             _ => self.refusal_of(fault),

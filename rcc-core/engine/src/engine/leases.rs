@@ -7,6 +7,7 @@ use rcc_protocol::control::{Refusal, SWITCH_MAX};
 use rcc_protocol::rules::{DisarmReason, LEASE_MAX_NS, LEASE_MIN_NS, LEASES_MAX, RuleFault};
 
 use super::Engine;
+use super::handover::HandoverRefusal;
 use crate::boards::DeviceBoards;
 use crate::queue::EngineEvent;
 use crate::rows::RowIndex;
@@ -101,13 +102,33 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    /// Binds all of these commands to a lease, or none; an id of 0 is skipped.
+    /// Checks that the client is present for which this command is to run, if it is bound to a lease.
+    pub(super) fn check_lease(&self, row: RowIndex) -> Result<(), Refusal> {
+        match self.commands[row].lease {
+            lease if lease == 0 || self.leases.is_valid(lease) => Ok(()),
+            lease => Err(Refusal::LeaseEnded { lease }),
+        }
+    }
+
+    /// As [`Engine::check_lease`], for commands that are ready; an id of 0 is skipped.
+    pub(super) fn check_leases(&self, start: &[u64; SWITCH_MAX]) -> Result<(), HandoverRefusal> {
+        for &id in start.iter().filter(|id| **id != 0) {
+            if let Ok(row) = self.commands.find(id, |state| state == CommandState::Ready) {
+                self.check_lease(row).map_err(|refusal| (id, refusal))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Binds all of these commands to a lease, or none; an id of 0 is skipped. A lease of 0 unbinds them.
     pub(super) fn bind_lease(
         &mut self,
         id: u64,
         commands: &[u64; SWITCH_MAX],
     ) -> Result<(), Refusal> {
-        self.leases.find(id)?;
+        if id != 0 {
+            self.leases.find(id)?;
+        }
         let allowed = |state: CommandState| state == CommandState::Ready || state.is_active();
         let ids = || commands.iter().filter(|command| **command != 0);
         for command in ids() {
@@ -134,8 +155,8 @@ impl<B: DeviceBoards> Engine<B> {
         }
     }
 
-    /// The client is gone: its rules are disarmed unless they go on, and its active commands are cancelled, or aborted
-    /// if they cannot be.
+    /// The client is gone: its rules are disarmed unless they go on, and its active commands are canceled, or aborted if
+    /// they cannot be. Its ready commands stay bound to the lease, so that none of them starts without it.
     fn lose_lease(&mut self, id: u64) {
         if let Ok(lease) = self.leases.find(id) {
             lease.id = 0;
@@ -149,8 +170,12 @@ impl<B: DeviceBoards> Engine<B> {
             if !held || command == 0 {
                 continue;
             }
+            if self.commands[row].state() == CommandState::Ready && !self.commands[row].is_pending()
+            {
+                continue;
+            }
             self.commands[row].lease = 0;
-            // One that is being cancelled, or whose net has ended, comes to its end by itself.
+            // One that is being canceled, or whose net has ended, comes to its end by itself.
             if self.commands[row].is_evaluated()
                 && self.commands[row].state() != CommandState::Canceling
             {

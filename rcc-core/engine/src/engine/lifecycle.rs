@@ -45,10 +45,7 @@ impl<B: DeviceBoards> Engine<B> {
         }
         match self.evaluate(row) {
             Evaluation::Fault(code) => self.end(row, EndReason::Fault, self.fault(code)),
-            evaluation => match self.pass_commands(row) {
-                Err(fault) if survives && fault.code == FaultCode::DeviceLost as u32 => {
-                    self.disengage(row)
-                }
+            evaluation => match self.pass_commands(row, survives) {
                 Err(fault) => self.end(row, EndReason::Fault, fault),
                 Ok(()) => {
                     self.push_monitors(row, now_ns);
@@ -77,7 +74,7 @@ impl<B: DeviceBoards> Engine<B> {
                 self.end(row, EndReason::Fault, self.fault(code));
                 Some(Refusal::FirstCycle { code: code as u32 })
             }
-            evaluation => match self.pass_commands(row) {
+            evaluation => match self.pass_commands(row, false) {
                 Ok(()) => {
                     self.commit_start(row, evaluation, now_ns);
                     None
@@ -96,6 +93,7 @@ impl<B: DeviceBoards> Engine<B> {
     /// Commits the first cycle of a row: the command is running.
     pub(super) fn commit_start(&mut self, row: RowIndex, evaluation: Evaluation, now_ns: u64) {
         self.commands[row].entry.started_cycle = self.status.cycle;
+        self.commands[row].lost_arms = 0;
         self.set_state(row, CommandState::Running);
         self.publish(row);
         self.push_monitors(row, now_ns);
@@ -234,14 +232,11 @@ impl<B: DeviceBoards> Engine<B> {
         if self.arms_settled(row, (since_cycle + 1) * self.period_ns) {
             return self.finish(row);
         }
-        let lost = self.lost_device(row).map(|device| device as u32);
-        if lost.is_some() || waited_ns > SETTLE_MAX_NS {
-            let arm = || self.commands[row].claims().arms.trailing_zeros();
-            let device = lost.unwrap_or_else(arm);
-            let fault = FaultRecord {
-                device,
-                ..self.fault(FaultCode::DeviceLost)
-            };
+        let unsettled = (waited_ns > SETTLE_MAX_NS).then(|| FaultRecord {
+            device: self.commands[row].claims().arms.trailing_zeros(),
+            ..self.fault(FaultCode::DeviceLost)
+        });
+        if let Some(fault) = self.device_loss_fault(row).or(unsettled) {
             self.end(row, EndReason::Fault, fault);
         }
     }

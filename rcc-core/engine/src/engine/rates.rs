@@ -44,7 +44,25 @@ impl<B: DeviceBoards> Engine<B> {
         if self.commands[row].rate().every <= 1 {
             return None;
         }
+        if self.stopping {
+            return Some(Refusal::Stopping);
+        }
         self.check_devices(row, HandoverRows::NONE).err()
+    }
+
+    /// CANCEL of a command whose START waits for the net's first cycle: it is never evaluated and stays ready, and START
+    /// is refused. Returns false if the command does not wait.
+    pub(super) fn withdraw_start(&mut self, id: u64) -> bool {
+        let Ok(row) = self.commands.find(id, |_| true) else {
+            return false;
+        };
+        let PendingTransition::Start { ticket } = self.commands[row].pending else {
+            return false;
+        };
+        self.commands[row].pending = PendingTransition::Nothing;
+        let answer = Answer::Refused(Refusal::Withdrawn);
+        self.send_reply(EngineReply::Answer { ticket, answer });
+        true
     }
 
     /// ABORT of a command whose START waits for the net's first cycle: it is never evaluated, and START is refused.

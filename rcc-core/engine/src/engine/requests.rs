@@ -38,12 +38,10 @@ impl<B: DeviceBoards> Engine<B> {
                 start,
             } => return self.take_handover(ticket, stop, start),
             EngineRequest::Cancel { ticket, id } => {
-                self.disarm_after_stop(id);
-                (ticket, self.cancel(id).map(|()| None))
+                (ticket, self.cancel_by_client(id).map(|()| None))
             }
             EngineRequest::Abort { ticket, id } => {
-                self.disarm_after_stop(id);
-                (ticket, self.abort(id).map(|()| None))
+                (ticket, self.abort_by_client(id).map(|()| None))
             }
             EngineRequest::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
             EngineRequest::Read {
@@ -208,6 +206,7 @@ impl<B: DeviceBoards> Engine<B> {
         if self.stopping {
             return Err(Refusal::Stopping);
         }
+        self.check_lease(row)?;
         if self.commands[row].is_pending() {
             return Err(Refusal::WrongState {
                 state: CommandState::Ready as u32,
@@ -286,8 +285,19 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    fn abort(&mut self, id: u64) -> Result<(), Refusal> {
-        if self.abort_before_first_cycle(id) {
+    /// CANCEL: nothing may start the command after it. A START that waits for the net's first cycle is withdrawn.
+    fn cancel_by_client(&mut self, id: u64) -> Result<(), Refusal> {
+        self.disarm_after_stop(id);
+        if self.withdraw_handover(id) || self.withdraw_start(id) {
+            return Ok(());
+        }
+        self.cancel(id)
+    }
+
+    /// ABORT: as CANCEL, at once.
+    fn abort_by_client(&mut self, id: u64) -> Result<(), Refusal> {
+        self.disarm_after_stop(id);
+        if self.withdraw_handover(id) || self.abort_before_first_cycle(id) {
             return Ok(());
         }
         let row = self.commands.find(id, CommandState::is_active)?;
@@ -335,7 +345,7 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    /// Cancels every net that can be cancelled, and aborts the others.
+    /// Cancels every net that can be canceled, and aborts the others.
     pub(super) fn cancel_all(&mut self) {
         for row in RowIndex::all() {
             let command = &self.commands[row];

@@ -15,8 +15,8 @@ pub(super) struct InstalledRule {
     pub(super) rows: [RowIndex; RULE_TERMS_MAX],
     /// The condition held in this cycle for the first time.
     pub(super) since_cycle: u64,
-    /// For a rule that records: the condition held when it was last judged, or its first recording waits until it has
-    /// not held.
+    /// For a rule that records: the condition held at its last judgement. Initially true with `edge`, so that a condition
+    /// that is already true is not recorded.
     pub(super) held: bool,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct RuleTable {
     /// Number of rules that can still fire.
     pending: usize,
     next_id: u64,
-    /// A command changed its state since the rules that can never fire were last looked for.
+    /// A command has changed its state since the last check for rules that can never fire.
     pub(super) commands_changed: bool,
 }
 

@@ -124,7 +124,8 @@ impl<B: DeviceBoards> Engine<B> {
         })
     }
 
-    /// Judges the conditions of all armed rules. A recording has what was judged before the rules that end for it.
+    /// Judges the conditions of all armed rules. The flight recorder gets the judgements
+    /// before the ends of rules that follow from them.
     pub(super) fn judge_rules(&mut self) {
         if self.rules.is_quiet() {
             return;
@@ -296,7 +297,7 @@ impl<B: DeviceBoards> Engine<B> {
             touched.insert(row);
         }
         for id in ids(&rule.cancel) {
-            // A refusal means that the command has ended or is being cancelled; everything else was checked above.
+            // A refusal means that the command has ended or is being canceled; everything else was checked above.
             if let Ok(row) = self.commands.find(id, |_| true) {
                 let _: Result<(), Refusal> = self.cancel(id);
                 touched.insert(row);
@@ -305,7 +306,7 @@ impl<B: DeviceBoards> Engine<B> {
         Firing::Fired(sets.start)
     }
 
-    /// Why a command that a rule cancels cannot be cancelled now; `None` if it can, or need not be.
+    /// Why a command that a rule cancels cannot be canceled now; `None` if it can, or need not be.
     fn cannot_cancel(&self, id: u64) -> Option<RuleRefusal> {
         let too_early = |state: CommandState| state != CommandState::Ready;
         match self.commands.find(id, too_early) {
@@ -314,8 +315,8 @@ impl<B: DeviceBoards> Engine<B> {
         }
     }
 
-    /// The commands that a rule stops, without those that have ended; with those that have ended, but whose arms still
-    /// play the last set-points and are needed by a command that the rule starts.
+    /// The commands that a rule stops and that are still active; also those that have ended but whose arms still play the
+    /// last set-points, if a command that the rule starts needs such an arm.
     fn still_active(&self, rule: &Rule) -> [u64; SWITCH_MAX] {
         let mut list = [0; SWITCH_MAX];
         let mut places = list.iter_mut();
@@ -382,8 +383,8 @@ impl<B: DeviceBoards> Engine<B> {
         count
     }
 
-    /// A client stops this command: rules must not start anything after it. Disarms those that start commands and name
-    /// it, or that start a command which needs a resource that it claims.
+    /// A client stops this command: rules must not start anything after it. Disarms each rule that starts a
+    /// command and names the stopped one, or whose started command needs a resource of the stopped one.
     pub(super) fn disarm_after_stop(&mut self, id: u64) {
         let Ok(stopped) = self.commands.find(id, |_| true) else {
             return;

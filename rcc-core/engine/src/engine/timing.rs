@@ -8,7 +8,7 @@
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::histogram::Histogram;
-use rcc_core::message::{EndReason, FaultCode, MAGIC};
+use rcc_core::message::{CommandState, EndReason, FaultCode, MAGIC};
 use rcc_core::primitives::{self, KERNELS_MAX};
 use rcc_core::timing::{CycleTiming, LateCause, LateCycle, PrimitiveTime};
 use rcc_os::clock::monotonic_ns;
@@ -42,7 +42,8 @@ pub(super) struct CycleTimer {
     sampled: bool,
     /// Id of the command with the longest evaluation in this cycle, and its duration, ns.
     most_expensive: (u64, u64),
-    /// Late cycles because of long computation since the last cycle in time.
+    /// Consecutive cycles that were late because of computation; a punctual cycle resets the count, one that woke late does
+    /// not.
     late_in_a_row: u32,
     every: u64,
     due: bool,
@@ -250,11 +251,11 @@ impl<B: DeviceBoards> Engine<B> {
         self.log(EngineEvent::Acknowledged { cycle, late });
     }
 
-    /// Ends the net with the longest last evaluation: too many cycles were late because of computation.
+    /// Ends the net that took longest in this cycle: too many cycles were late because of computation. If it has ended by
+    /// itself, no other one ends for it.
     fn end_most_expensive(&mut self) {
-        let active = RowIndex::all().filter(|row| self.commands[*row].is_active());
-        let most = active.max_by_key(|row| self.commands[*row].entry.exec_last_ns);
-        if let Some(row) = most {
+        let (id, _) = self.time.most_expensive;
+        if let Ok(row) = self.commands.find(id, CommandState::is_active) {
             self.end(row, EndReason::Fault, self.fault(FaultCode::Overrun));
         }
     }

@@ -9,6 +9,7 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::guard::{ViolationKind, axis};
 use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
 use rcc_core::plan::Resource;
+use rcc_core::types::Store;
 use rcc_core::workspace::Workspace;
 use rcc_engine::queue::{EngineEvent, EngineRequest};
 use rcc_protocol::control::{Answer, Refusal};
@@ -400,7 +401,7 @@ fn too_many_late_cycles_in_a_row_end_the_most_expensive_net() {
 }
 
 #[test]
-fn a_stop_cancels_what_can_be_cancelled_aborts_the_rest_and_starts_nothing() {
+fn a_stop_cancels_what_can_be_canceled_aborts_the_rest_and_starts_nothing() {
     let mut fixture = EngineFixture::new();
     let (motion, output, idle) = (
         fixture.load(line_net()),

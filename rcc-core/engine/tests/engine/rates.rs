@@ -146,6 +146,55 @@ fn abort_before_the_first_cycle_prevents_it() {
 }
 
 #[test]
+fn cancel_before_the_first_cycle_withdraws_the_start() {
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(time_net(FIFTH));
+    between(&mut fixture);
+    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    fixture.step();
+    let cancel = fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
+    fixture.step();
+    assert_eq!(
+        fixture.answer(start),
+        Some(Answer::Refused(Refusal::Withdrawn))
+    );
+    assert!(matches!(fixture.answer(cancel), Some(Answer::Done { .. })));
+    fixture.steps(10);
+    assert_eq!(
+        (fixture.state(id), fixture.entry(id).cycles),
+        (CommandState::Ready, 0)
+    );
+    // START and CANCEL in one cycle.
+    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
+    fixture.step();
+    assert_eq!(
+        fixture.answer(start),
+        Some(Answer::Refused(Refusal::Withdrawn))
+    );
+    assert_eq!(fixture.state(id), CommandState::Ready);
+}
+
+#[test]
+fn an_executor_that_stops_does_not_begin_a_first_cycle() {
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(time_net(FIFTH));
+    between(&mut fixture);
+    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    while (cycle(&fixture) + 1) % 5 != 2 {
+        fixture.step();
+    }
+    fixture.engine.begin_stop();
+    fixture.step();
+    assert_eq!(
+        fixture.answer(start),
+        Some(Answer::Refused(Refusal::Stopping))
+    );
+    assert!(fixture.engine.is_idle());
+    assert_eq!(fixture.entry(id).cycles, 0);
+}
+
+#[test]
 fn an_executor_that_stops_does_not_wait_for_a_first_cycle() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));

@@ -145,6 +145,48 @@ fn a_condition_that_is_true_when_it_is_installed_fires_in_that_cycle() {
 }
 
 #[test]
+fn a_rule_that_is_refused_leaves_what_another_one_started_in_the_same_cycle() {
+    let mut fixture = EngineFixture::new();
+    let lamp = fixture.load(output_net(2));
+    let elsewhere = fixture.load(drift_net(HOLD[0] + 0.1, 0.0));
+    let rules = [lamp, elsewhere].map(|id| rule(&[RuleTerm::True], &[], &[], &[id]));
+    let (first, cycle) = install(&mut fixture, &rules);
+    assert_eq!(fixture.entry(lamp).started_cycle, cycle);
+    assert_eq!(fixture.told().digital_commanded, 1 << 2);
+    let told = reported(&mut fixture);
+    assert_eq!(
+        told,
+        [(first, RuleState::Fired), (first + 1, RuleState::Refused)]
+    );
+    fixture.step();
+    assert_eq!(fixture.told().digital_commanded, 1 << 2);
+}
+
+#[test]
+fn an_arm_that_a_rule_hands_over_in_flight_goes_on_though_the_next_rule_is_refused() {
+    let mut fixture = EngineFixture::new();
+    let first = fixture.load(drift_until(HOLD[0], 0.0, 50));
+    let second = fixture.load(drift_net(HOLD[0], 0.0));
+    // Its first evaluation is refused: it needs the same arm elsewhere, after the first rule has taken it.
+    let refused = fixture.load(drift_net(HOLD[0] + 0.1, 0.0));
+    let rules = [
+        rule(&[over(first)], &[first], &[], &[second]),
+        rule(&[over(first)], &[], &[], &[refused]),
+    ];
+    let (hands_over, _) = install(&mut fixture, &rules);
+    cycle_of(fixture.start(first));
+    for _ in 0..100 {
+        fixture.step();
+        assert!(fixture.told().has_position == 1);
+    }
+    assert_eq!(fixture.state(second), CommandState::Running);
+    assert_eq!(
+        status(&mut fixture, hands_over + 1).state,
+        RuleState::Refused
+    );
+}
+
+#[test]
 fn what_follows_an_outcome_begins_in_the_next_cycle_and_the_other_rule_expires() {
     let mut fixture = EngineFixture::new();
     let [first, second, third] =

@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, VecDeque};
 
 use crate::common::{EngineFixture, PERIOD_NS, endless_net, line_net, output_net};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
+use rcc_core::plan::Rate;
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::timing::LateCause;
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineEvent, EngineRequest};
-use rcc_protocol::control::Answer;
+use rcc_protocol::control::{Answer, PlanData};
 
 /// Advance of the clock per read, unless `STEPS_NS` says otherwise.
 const LOOK_NS: u64 = 10;
@@ -141,6 +142,32 @@ fn nets_are_not_ended_for_cycles_that_were_woken_late() {
     fixture.engine.account(0, 2_000_000, 1);
     assert_eq!(fixture.reason(id), EndReason::Fault);
     assert_eq!(fixture.entry(id).fault.code, FaultCode::Overrun as u32);
+}
+
+#[test]
+fn the_net_that_took_longest_in_the_late_cycle_is_ended_and_none_that_was_not_evaluated() {
+    let mut fixture = fixture();
+    let every = PlanData {
+        rate: Rate {
+            every: 1000,
+            phase: 0,
+        },
+        ..endless_net(0)
+    };
+    let (seldom, often) = (fixture.load(every), fixture.load(endless_net(1)));
+    fixture.order(|ticket| EngineRequest::Start { ticket, id: seldom });
+    while (fixture.engine.status().cycle + 1) % 1000 != 0 {
+        fixture.step();
+    }
+    // The net at the slow rate takes long, in a cycle that is in time.
+    STEPS_NS.with_borrow_mut(|steps| steps.extend([900_000; 2]));
+    fixture.step();
+    STEPS_NS.with_borrow_mut(VecDeque::clear);
+    assert!(fixture.entry(seldom).exec_last_ns >= 900_000);
+    start(&mut fixture, often);
+    (0..3).for_each(|_| fixture.engine.account(0, 2_000_000, 1));
+    assert_eq!(fixture.entry(often).fault.code, FaultCode::Overrun as u32);
+    assert_eq!(fixture.state(seldom), CommandState::Running);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use rcc_api::error::ApiError;
 use rcc_core::message::CommandState;
 use rcc_protocol::control::{Answer, Call, SWITCH_MAX};
 
+use super::rules::is_refusal;
 use super::{Operation, Service, unexpected};
 use crate::server::caller::Caller;
 use crate::server::executor::ExecutorConnection;
@@ -46,8 +47,12 @@ impl Service {
             error
         };
         let answer = self.executor.call_for(caller, &call);
-        if !matches!(answer, Ok(Answer::Done { .. })) {
-            self.withdraw_rules(&installed);
+        let refused_now = match &answer {
+            Ok(answer) => !matches!(answer, Answer::Done { .. }),
+            Err(error) => is_refusal(error),
+        };
+        if refused_now {
+            self.undo_prepared(switch.lease, &start, &installed);
         }
         match answer? {
             Answer::Done { cycle } => {

@@ -13,7 +13,8 @@ use rcc_language::condition::{self, ConditionTerm};
 use rcc_protocol::control::{Answer, Call, Refusal, SWITCH_MAX};
 use rcc_protocol::events::event_text;
 use rcc_protocol::rules::{
-    ListedRule, NewRule, RULE_TERMS_MAX, RULE_TEXT_MAX, RULES_PER_REQUEST, Rule, RuleRecording,
+    ListedRule, NewRule, RULE_TERMS_MAX, RULE_TEXT_MAX, RULES_PER_REQUEST, Rule, RuleFault,
+    RuleRecording,
 };
 
 use super::{Operation, Service, unexpected};
@@ -32,7 +33,7 @@ impl Service {
     /// START, with rules and a lease.
     ///
     /// # Errors
-    /// As for [`Service::operate`] and [`Service::install_rules`]; no rule is left then.
+    /// As for [`Service::operate`] and [`Service::install_rules`]; if START was refused, no rule is left.
     pub fn start(&self, caller: &Caller, name: &str, options: &Start) -> Result<Done, ApiError> {
         if options.rules.is_empty() && options.lease.is_none() {
             return self.operate(caller, name, Operation::Start);
@@ -45,8 +46,10 @@ impl Service {
         // By its id: the name could mean another command by now.
         let id = start.first().copied().unwrap_or_default().to_string();
         let started = self.operate(caller, &id, Operation::Start);
-        if started.is_err() {
-            self.withdraw_rules(&installed);
+        if let Err(error) = &started
+            && is_refusal(error)
+        {
+            self.undo_prepared(options.lease, &start, &installed);
         }
         started
     }
@@ -72,15 +75,30 @@ impl Service {
             rules: rules.to_vec(),
             lease,
         };
-        let installed = self.install_rules(caller, &body)?;
+        let installed = self.install_rules(caller, &body);
+        let installed = installed.inspect_err(|error| {
+            if is_refusal(error) {
+                self.undo_prepared(lease, start, &[]);
+            }
+        })?;
         Ok(installed.rules.iter().map(|rule| rule.rule).collect())
     }
 
-    /// Removes rules whose START was refused.
-    pub(super) fn withdraw_rules(&self, rules: &[u64]) {
+    /// Undoes [`Service::prepare_start`] for a START that was refused: removes the rules and unbinds the commands.
+    pub(super) fn undo_prepared(&self, lease: Option<u64>, start: &[u64], rules: &[u64]) {
         for &id in rules {
             if let Err(error) = self.executor.call(&Call::RemoveRule { id }) {
                 tracing::warn!(id, message = error.message, "cannot remove a rule");
+            }
+        }
+        if lease.is_some() && !start.is_empty() {
+            let (lease, commands) = (0, start.to_vec());
+            let unbound = self.executor.call(&Call::BindLease { lease, commands });
+            if let Err(error) = unbound {
+                tracing::warn!(
+                    message = error.message,
+                    "cannot unbind a command from its lease"
+                );
             }
         }
     }
@@ -260,6 +278,12 @@ impl Service {
     }
 
     fn bind(&self, caller: &Caller, lease: u64, commands: Vec<u64>) -> Result<u64, ApiError> {
+        // The executor unbinds by 0, which only this program uses.
+        if lease == 0 {
+            let (index, fault) = (0, RuleFault::LeaseUnknown);
+            let refusal = Refusal::Rule { index, fault };
+            return Err(self.with_names(None, |names| names.refusal(0, refusal)));
+        }
         self.simple_call(caller, &Call::BindLease { lease, commands })
     }
 
@@ -434,6 +458,11 @@ impl Resolver<'_> {
         let tables = || self.attached.tables();
         self.service.resolve(tables, self.store, name, lives)
     }
+}
+
+/// Returns true unless the executor may have carried the call out: an answer that did not arrive in time says nothing.
+pub(super) fn is_refusal(error: &ApiError) -> bool {
+    error.code != codes::EXECUTOR_SILENT
 }
 
 /// Primitive and port of a term that looks at an output.

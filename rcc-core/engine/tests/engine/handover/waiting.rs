@@ -62,15 +62,106 @@ fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
         fixture.switch(&[old], &[other]),
         Answer::Refused(Refusal::Overloaded)
     );
-    fixture.order(|ticket| EngineRequest::Abort { ticket, id: old });
+    fixture.ask(|ticket| EngineRequest::Unload { ticket, id: new });
     fixture.step();
-    let state = CommandState::Terminated as u32;
+    let refusal = Refusal::UnknownCommand;
     assert_eq!(
         fixture.answer(ticket),
-        Some(Answer::RefusedFor {
-            id: old,
-            refusal: Refusal::WrongState { state }
-        })
+        Some(Answer::RefusedFor { id: new, refusal })
     );
-    assert_eq!(fixture.state(new), CommandState::Ready);
+    assert_eq!(fixture.state(old), CommandState::Running);
+}
+
+/// A hand-over that waits, from a running net to one that is due in some cycles only, and one that is due in each.
+struct Waiting {
+    fixture: EngineFixture,
+    old: u64,
+    new: [u64; 2],
+    ticket: u64,
+}
+
+impl Waiting {
+    fn new() -> Waiting {
+        let (mut fixture, old) = running(output_net(1));
+        let new = [drift_net(HOLD[0], 0.0), slow(2, 200, 0)].map(|plan| fixture.load(plan));
+        let (stop, start) = (named(&[old]), named(&new));
+        let ticket = fixture.order(|ticket| EngineRequest::Handover {
+            ticket,
+            stop,
+            start,
+        });
+        fixture.steps(3);
+        Waiting {
+            fixture,
+            old,
+            new,
+            ticket,
+        }
+    }
+
+    /// Asserts that the hand-over was refused because a client stopped a command, and that it starts nothing.
+    fn assert_withdrawn(&mut self, id: u64, answer: Option<Answer>) {
+        let refusal = Refusal::Withdrawn;
+        assert_eq!(answer, Some(Answer::RefusedFor { id, refusal }));
+        self.fixture.steps(400);
+        for id in self.new {
+            assert_eq!(self.fixture.state(id), CommandState::Ready);
+            assert_eq!(self.fixture.entry(id).cycles, 0);
+        }
+    }
+}
+
+type Stop = fn(u64, u64) -> EngineRequest;
+
+const STOPS: [Stop; 2] = [
+    |ticket, id| EngineRequest::Cancel { ticket, id },
+    |ticket, id| EngineRequest::Abort { ticket, id },
+];
+
+#[test]
+fn a_client_that_stops_a_command_to_be_started_withdraws_the_hand_over() {
+    for stop in STOPS {
+        for index in 0..2 {
+            let mut waiting = Waiting::new();
+            let id = waiting.new[index];
+            let stopped = waiting.fixture.order(|ticket| stop(ticket, id));
+            waiting.fixture.step();
+            let answer = waiting.fixture.answer(waiting.ticket);
+            let done = waiting.fixture.answer(stopped);
+            assert!(matches!(done, Some(Answer::Done { .. })), "{done:?}");
+            waiting.assert_withdrawn(id, answer);
+            assert_eq!(waiting.fixture.state(waiting.old), CommandState::Running);
+        }
+    }
+}
+
+#[test]
+fn a_client_that_stops_the_command_to_be_replaced_withdraws_the_hand_over() {
+    for stop in STOPS {
+        let mut waiting = Waiting::new();
+        let old = waiting.old;
+        waiting.fixture.order(|ticket| stop(ticket, old));
+        waiting.fixture.step();
+        let answer = waiting.fixture.answer(waiting.ticket);
+        waiting.assert_withdrawn(waiting.new[0], answer);
+        assert_eq!(waiting.fixture.state(old), CommandState::Terminated);
+    }
+}
+
+#[test]
+fn a_hand_over_that_only_stops_withdraws_the_one_that_waits_and_is_carried_out() {
+    let mut waiting = Waiting::new();
+    let stop = named(&[waiting.old]);
+    let start = named(&[]);
+    let stopped = waiting.fixture.order(|ticket| EngineRequest::Handover {
+        ticket,
+        stop,
+        start,
+    });
+    waiting.fixture.step();
+    let answer = waiting.fixture.answer(waiting.ticket);
+    let done = waiting.fixture.answer(stopped);
+    assert!(matches!(done, Some(Answer::Done { .. })), "{done:?}");
+    waiting.assert_withdrawn(waiting.new[0], answer);
+    assert_eq!(waiting.fixture.state(waiting.old), CommandState::Terminated);
 }

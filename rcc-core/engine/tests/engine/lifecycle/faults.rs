@@ -21,6 +21,45 @@ fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
 }
 
 #[test]
+fn a_net_that_survives_the_loss_of_its_arm_goes_on_without_it_until_it_is_canceled() {
+    let mut io = model();
+    (io.joints, io.arm) = (0, None);
+    let mut fixture = EngineFixture::of_cell(vec![model(), io], 5, HOLD);
+    let mut plan = TestPlan::new();
+    let (requested, on) = (plan.bool(2), plan.bool(1));
+    let joints = plan.reals(&HOLD[..7]);
+    plan.add("Cancel", &[requested]);
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("DigitalOutput", &[on, 1, 3]);
+    plan.add("Termination", &[requested]);
+    plan.monitor(Store::Bool, requested, 1, 1);
+    plan.data.survives_device_loss = true;
+    let id = fixture.load(plan.data);
+    fixture.start(id);
+    fixture.steps(30);
+    assert_eq!(fixture.told().has_position, 1);
+    let records = fixture.records().len();
+    for state in [
+        DeviceState::Online,
+        DeviceState::Ready,
+        DeviceState::Offline,
+    ] {
+        // Lost, and then back where the net still commands it: it does not move by itself.
+        fixture.driver.measurement.state = state as u32;
+        for _ in 0..20 {
+            fixture.step();
+            assert_eq!(fixture.told().has_position, 0, "{state:?}");
+            let image = fixture.engine.image(1).expect("device 1");
+            let point = image.at(image.head.sequence).expect("the newest");
+            assert_eq!(point.digital_commanded, 1 << 3, "{state:?}");
+        }
+    }
+    assert_eq!(fixture.records().len(), 60, "after {records}");
+    fixture.ask(|ticket| EngineRequest::Cancel { ticket, id });
+    assert_eq!(fixture.until_terminated(id, 30), EndReason::Canceled);
+}
+
+#[test]
 fn a_driver_that_is_replaced_at_once_ends_its_nets_and_nothing_is_commanded_again() {
     let mut fixture = EngineFixture::new();
     let output = fixture.load(output_net(2));

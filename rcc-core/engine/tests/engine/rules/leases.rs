@@ -80,7 +80,7 @@ fn a_rule_that_goes_on_does_and_one_whose_client_is_there_too() {
 }
 
 #[test]
-fn commands_that_are_bound_are_cancelled_or_aborted_when_the_lease_is_lost() {
+fn commands_that_are_bound_are_canceled_or_aborted_when_the_lease_is_lost() {
     for ended in [false, true] {
         let mut fixture = EngineFixture::new();
         let lease = grant(&mut fixture);
@@ -114,6 +114,77 @@ fn commands_that_are_bound_are_cancelled_or_aborted_when_the_lease_is_lost() {
         });
         assert_eq!(lost, Some((lease, 2)));
     }
+}
+
+fn bind(fixture: &mut EngineFixture, lease: u64, commands: &[u64]) -> Answer {
+    let commands = named(commands);
+    fixture.ask(|ticket| EngineRequest::BindLease {
+        ticket,
+        lease,
+        commands,
+    })
+}
+
+#[test]
+fn a_command_whose_client_is_gone_is_not_started() {
+    let mut fixture = EngineFixture::new();
+    let (lease, other) = (grant(&mut fixture), grant(&mut fixture));
+    let arm = fixture.load(drift_net(HOLD[0], 0.0));
+    cycle_of(bind(&mut fixture, lease, &[arm]));
+    for _ in 0..5 {
+        cycle_of(renew(&mut fixture, other));
+        fixture.steps(50);
+    }
+    let ended = Refusal::LeaseEnded { lease };
+    assert_eq!(fixture.start(arm), Answer::Refused(ended));
+    let refused = fixture.switch(&[], &[arm]);
+    let (id, refusal) = (arm, ended);
+    assert_eq!(refused, Answer::RefusedFor { id, refusal });
+    assert_eq!(fixture.entry(arm).cycles, 0);
+    // Bound to another client it starts, and with it it ends.
+    cycle_of(bind(&mut fixture, other, &[arm]));
+    cycle_of(fixture.start(arm));
+    fixture.steps(200);
+    assert_eq!(fixture.reason(arm), EndReason::Aborted);
+}
+
+#[test]
+fn a_hand_over_that_waits_starts_nothing_after_its_client_is_gone() {
+    let mut fixture = EngineFixture::new();
+    let lease = grant(&mut fixture);
+    let slow = PlanData {
+        rate: Rate {
+            every: 1000,
+            phase: 0,
+        },
+        ..output_net(1)
+    };
+    let ids = [slow, drift_net(HOLD[0], 0.0)].map(|plan| fixture.load(plan));
+    cycle_of(bind(&mut fixture, lease, &ids));
+    let (stop, start) = (named(&[]), named(&ids));
+    let ticket = fixture.order(|ticket| EngineRequest::Handover {
+        ticket,
+        stop,
+        start,
+    });
+    fixture.steps(200);
+    let (id, refusal) = (ids[0], Refusal::LeaseEnded { lease });
+    let refused = Answer::RefusedFor { id, refusal };
+    assert_eq!(fixture.answer(ticket), Some(refused));
+    fixture.steps(1000);
+    assert!(ids.iter().all(|id| fixture.entry(*id).cycles == 0));
+}
+
+#[test]
+fn a_command_that_is_unbound_does_not_depend_on_the_lease() {
+    let mut fixture = EngineFixture::new();
+    let lease = grant(&mut fixture);
+    let lamp = fixture.load(output_net(1));
+    cycle_of(bind(&mut fixture, lease, &[lamp]));
+    cycle_of(bind(&mut fixture, 0, &[lamp]));
+    cycle_of(fixture.start(lamp));
+    fixture.steps(300);
+    assert_eq!(fixture.state(lamp), CommandState::Running);
 }
 
 #[test]
