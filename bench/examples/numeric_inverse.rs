@@ -1,4 +1,4 @@
-//! Measures the numeric inverse kinematics of serial arms: `numeric_inverse [POSES]` prints how many of so many random
+//! Measures the numeric inverse kinematics of `SerialArm`: `numeric_inverse [POSES]` prints how many of so many random
 //! poses (10,000 by default) are found from hints at three distances, the steps, and ns per call.
 
 use std::error::Error;

@@ -58,12 +58,12 @@ impl HeldLease {
             false => Err(Failure::new(
                 codes::LOADER_SILENT,
                 format!("the loader did not answer for {EXPIRES:?}, so the lease is lost"),
-                "its rules are disarmed and its commands are cancelled; start the loader and try again",
+                "its rules are disarmed and its commands are canceled; start the loader and try again",
             )),
         }
     }
 
-    /// Ends the lease; what is bound to it is cancelled.
+    /// Ends the lease; what is bound to it is canceled.
     pub fn end(self, client: &LoaderClient) {
         // If the loader cannot be reached, the lease expires by itself.
         let _ = client.delete::<LeaseDone>(&format!("/leases/{}", self.number));

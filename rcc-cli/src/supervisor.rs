@@ -1,5 +1,5 @@
 //! Supervisor of a cell in development: starts its processes, restarts dead ones (never a motion), and ends all of them
-//! without leaving a process or a file behind, except for the evidence in the state folder. Run by one thread; the
+//! without leaving a process or a file behind, except for the state folder. Run by one thread; the
 //! children die with that thread.
 
 pub mod child;

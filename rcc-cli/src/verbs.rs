@@ -1,5 +1,5 @@
-//! The verbs: each is a file, its module and its row in the group of the table that the help lists it in, and says in
-//! `reach.rs` how it uses `--url`.
+//! The verbs. Each has a file, a `mod` line, a row in its group of `verbs!` (the order of the help), and an entry in
+//! `reach.rs` for `--url`.
 //! Verbs run on the main thread and end with a documented exit code.
 
 use crate::context::Context;
@@ -41,7 +41,6 @@ pub mod serve;
 pub mod set;
 pub mod sim;
 pub mod simulate;
-mod source;
 pub mod start;
 pub mod state;
 pub mod status;

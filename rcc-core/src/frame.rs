@@ -8,7 +8,7 @@ mod slot;
 pub use crate::joints::ArmMotion;
 pub use crate::path::PrepareFault;
 pub use slot::{
-    Bool, Channel, Clock, Device, Element, Int, Real, Rotation, Slot, Spatial, Value, Vector3,
+    Bool, Channel, Device, Element, Int, MotionIndex, Real, Rotation, Slot, Spatial, Value, Vector3,
 };
 
 use crate::impedance::{Impedance, ImpedanceLimits};
@@ -120,7 +120,8 @@ pub struct Frame<'a> {
     pub models: &'a [DeviceModel],
     /// Latched measurements, by device index.
     pub devices: &'a [DeviceInput],
-    /// In the first cycle of the net, what it takes over, by device index; `None`: nothing, or not known.
+    /// First cycle only: the motion with which each claimed arm starts, by device index: that of the net before, or rest
+    /// at the hold set-point. `None`: not claimed, or not known.
     pub arms: &'a [Option<ArmMotion>],
     /// Commands, by device index.
     pub outputs: &'a mut [DeviceOutput],
@@ -301,7 +302,8 @@ impl Preparation<'_> {
     /// Returns the kinematics of an arm and its hold set-point, rad.
     ///
     /// # Errors
-    /// Returns `NoArm` if the device has no kinematics, `HoldUnknown` while the driver does not reach it.
+    /// Returns `NoArm` if the device has no kinematics, `HoldUnknown` if the hold set-point of the device is
+    /// not known.
     pub fn arm_at_rest(&self, device: Device) -> Result<(Arm, Joints), PrepareFault> {
         arm_at_rest(self.models, self.holds, device.0)
     }
@@ -310,7 +312,8 @@ impl Preparation<'_> {
 /// Returns the kinematics of an arm and its hold set-point, rad.
 ///
 /// # Errors
-/// Returns `NoArm` if the device has no kinematics, `HoldUnknown` while the driver does not reach it.
+/// Returns `NoArm` if the device has no kinematics, `HoldUnknown` if the hold set-point of the device is not
+/// known.
 pub fn arm_at_rest(
     models: &[DeviceModel],
     holds: &[Option<Joints>],

@@ -1,5 +1,5 @@
 //! The check of an arm's set-point, in each cycle: by the executor's real-time thread before it is published, and once
-//! more by the thread of the driver's host before it is sent. Pure.
+//! more by the thread of the driver's host before it is sent, without the workspace. Pure.
 
 use core::fmt;
 
@@ -105,7 +105,8 @@ pub fn axis(joint: usize) -> Option<&'static str> {
 pub struct Violation {
     /// The rule.
     pub kind: ViolationKind,
-    /// The joint, counted from 0 (displayed counted from 1); indices from [`JOINTS_MAX`] on are axes of the task frame.
+    /// The joint, counted from 0 (displayed counted from 1); indices from [`JOINTS_MAX`] on are axes: of the task frame for
+    /// impedance, of the arm's base for the workspace.
     pub joint: u8,
     /// The requested value, in [`Violation::unit`], with its sign.
     pub value: f64,

@@ -4,7 +4,8 @@
 /// Maximum number of joints of a device.
 pub const JOINTS_MAX: usize = 8;
 
-/// A joint vector; elements past the device's joints are 0.
+/// A joint vector; elements past the device's joints are 0. For linear axes "rad" is m wherever joints are meant, here and in
+/// all users of this type.
 pub type Joints = [f64; JOINTS_MAX];
 
 /// Joint limits of a robot's configuration; elements at and beyond index `joints` are ignored.

@@ -1,7 +1,9 @@
-//! The records that processes exchange through boards: plain data of fixed size, every bit pattern valid.
+//! The records that processes exchange through boards, rings and streams: plain data of fixed size, every bit pattern
+//! valid.
 //!
-//! Every record begins with `magic` (written once by its owner; 0 means never written), a sequence number and a
-//! CLOCK_MONOTONIC stamp. Readers copy first, then check.
+//! Each record of a board begins with `magic` (written once by its owner; 0 means never written). `Measurement`,
+//! `CommandHead` and `CycleStatus` also carry a sequence or cycle number and a CLOCK_MONOTONIC stamp; `Tables` and
+//! `CycleTiming` carry the cycle. Readers copy first, then check.
 
 mod command;
 mod device;

@@ -20,7 +20,7 @@ pub use crate::branchless::{
     choose, finite, higher, int_unless, lower, real_unless, whole, within,
 };
 pub use crate::frame::{
-    Bool, Channel, Clock, Device, Element, Int, Real, Rotation, Slot, Spatial, Value, Vector3,
+    Bool, Channel, Device, Element, Int, MotionIndex, Real, Rotation, Slot, Spatial, Value, Vector3,
 };
 pub use channel::{each_bit_channel, each_real_channel};
 pub use duration::{elapsed, reached};

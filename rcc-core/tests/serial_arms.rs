@@ -1,4 +1,4 @@
-//! Serial arms: forward kinematics against pinocchio 4.1.0, the Jacobian against differences, and how often, how exactly
+//! `SerialArm`: forward kinematics against pinocchio 4.1.0, the Jacobian against differences, and how often, how exactly
 //! and in how many steps the numeric inverse finds a pose. Runs off any real-time thread; the data is in
 //! `tests/data/kinematics` of the workspace, made by `serial_arms.py` there.
 
@@ -10,7 +10,7 @@ use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::pose::Pose;
 use rcc_testing::{Random, Rng, arms};
 
-/// A serial arm and the range of its random positions, rad.
+/// A `SerialArm` and the range of its random positions, rad.
 struct TestArm {
     name: &'static str,
     arm: SerialArm,

@@ -31,7 +31,7 @@ use crate::rule_texts::RuleTexts;
 
 /// Interval at which the thread checks for a frozen recording.
 const POLL_EVERY: Duration = Duration::from_millis(20);
-/// Interval at which the size of the evidence is checked, besides after each incident: logs grow, too.
+/// Interval at which the size of the state folder is checked, besides after each incident: logs grow, too.
 const KEEP_EVERY: Duration = Duration::from_secs(60);
 /// Interval at which unneeded plans are dropped.
 const PRUNE_EVERY: Duration = Duration::from_secs(1);
@@ -83,7 +83,7 @@ impl RecordingResults {
     }
 }
 
-/// A file that reports a sign of life with each write, because a disk may be slow.
+/// A file that counts a heartbeat with each write, because a disk may be slow.
 struct HeartbeatWriter<'a> {
     file: &'a File,
     helper: &'a Helper,
@@ -213,7 +213,7 @@ impl IncidentWriter {
         self.write_pending(helper);
     }
 
-    /// Removes the oldest evidence beyond the configured size.
+    /// Removes the oldest files of the state folder beyond the configured size.
     fn remove_oldest(&self) {
         let is_incident = |path: &Path| writer_of(path).is_some();
         let keep = self.context.recorder.keep;

@@ -45,7 +45,7 @@ use rcc_protocol::events::{EventKind, event_text};
 use rcc_protocol::{Configuration, Role};
 use tracing::{error, info, warn};
 
-/// Maximum time between two signs of life of the threads `intake` and `pump`.
+/// Maximum time between two heartbeats of the threads `intake` and `pump`.
 const TURN_MAX: Duration = Duration::from_secs(5);
 /// Maximum time for one line of the event log, on a slow disk.
 const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
@@ -439,7 +439,7 @@ fn spawn_helpers(
     incident_writer: Option<IncidentWriter>,
 ) -> io::Result<()> {
     helpers.spawn("intake", TURN_MAX, move |helper| {
-        // Refused without permission; the loader has said what follows from that.
+        // Without permission this logs the consequence and lowers the nice value instead.
         raise_stop_thread();
         while !helper.is_over() {
             helper.turn();

@@ -18,7 +18,7 @@ use rcc_protocol::wire;
 
 /// Time allowed for one net. Path planning and rehearsal are bounded in work, not in time.
 const BUILD_MAX: Duration = Duration::from_secs(60);
-/// Interval of the thread's signs of life while it is idle.
+/// Interval of the thread's heartbeats while it is idle.
 const IDLE: Duration = Duration::from_millis(200);
 
 /// The cell and the machine that nets are built for.

@@ -30,7 +30,7 @@ pub struct Boards {
     pub timing: BoardWriter<CycleTiming>,
     /// Table of the helper threads.
     pub helpers: BoardWriter<HelperTable>,
-    /// Signs of life of the helper threads, from which the table is made.
+    /// Heartbeats of the helper threads, from which the table is made.
     pub beats: Box<[Arc<HelperHeartbeat>]>,
 }
 

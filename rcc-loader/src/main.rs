@@ -47,7 +47,7 @@ const WORKERS_WAIT: Duration = Duration::from_secs(20);
 /// Idle time after which a worker thread would end: never.
 const IDLE_THREAD_LIFETIME: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
 
-/// Maximum time between two signs of life of the thread `front`.
+/// Maximum time between two heartbeats of the thread `front`.
 const FRONT_TURN_MAX: Duration = Duration::from_secs(2);
 /// Interval at which the runtimes show that they respond.
 const TURN_EVERY: Duration = Duration::from_millis(100);
@@ -170,7 +170,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         }
         supervisor.stopping();
         recorder.tell(EventKind::Stopping {
-            why: "asked to".to_owned(),
+            why: "on request".to_owned(),
         });
         Ok(())
     });
@@ -222,9 +222,9 @@ fn report_hang(recorder: &EventRecorder, hang: &Hang) {
     });
 }
 
-/// Serves the listeners until the helpers end, with a sign of life of the thread.
+/// Serves the listeners until the helpers end, with heartbeats of the thread.
 async fn serve_front(helper: &Helper, listeners: impl Future<Output = io::Result<()>>) {
-    let signs_of_life = async {
+    let heartbeats = async {
         while !helper.is_over() {
             helper.turn();
             tokio::time::sleep(TURN_EVERY).await;
@@ -234,7 +234,7 @@ async fn serve_front(helper: &Helper, listeners: impl Future<Output = io::Result
         served = listeners => if let Err(error) = served {
             tracing::error!(%error, "the listeners cannot be served");
         },
-        () = signs_of_life => {}
+        () = heartbeats => {}
     }
 }
 
@@ -278,7 +278,7 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
     Ok(())
 }
 
-/// Reports a sign of life of the worker threads while they accept work.
+/// Counts heartbeats of the worker threads while they accept work.
 async fn probe_workers(workers: Helper) {
     loop {
         if tokio::task::spawn_blocking(|| ()).await.is_ok() {

@@ -85,7 +85,7 @@ pub enum Phase {
     /// The arm moves.
     Moving,
     /// The arm is being brought to rest on its path by CANCEL.
-    Cancelling,
+    Canceling,
     /// The arm moves, and two outputs have changed places in the configuration's file since the cell was started.
     Reconfigured,
     /// The arm moves, and the cell is being ended by Ctrl-C.
@@ -125,7 +125,7 @@ pub const PHASES: [(Phase, &str); 7] = [
     (Phase::Idle, "idle"),
     (Phase::Loading, "loading"),
     (Phase::Moving, "moving"),
-    (Phase::Cancelling, "cancelling"),
+    (Phase::Canceling, "canceling"),
     (Phase::Reconfigured, "moving, its file changed"),
     (Phase::Stopping, "stopping"),
 ];

@@ -46,7 +46,7 @@ pub const TURNED_AS_WELL: &str = "  \
 ";
 
 /// Like [`line()`], but ignores CANCEL.
-pub fn uncancellable_line(name: &str, y: f64, speed: f64) -> String {
+pub fn uncancelable_line(name: &str, y: f64, speed: f64) -> String {
     line(name, y, speed)
         .replace("  cancel: {type: Cancel}\n", "")
         .replace("    inputs: {stop: cancel.requested}\n", "")

@@ -175,8 +175,8 @@ fn start_takes_a_confirmation_of_this_very_net_and_may_be_switched_off() {
     assert_eq!(cell.state(id)["state"], "ready");
     assert_eq!(server.own("POST", &start, &confirmed).status, 200);
     // CANCEL of everything that is active, by a dashboard that may not start anything.
-    let cancelled = read_only.own("POST", "/api/cancel", "").json();
-    assert_eq!(cancelled, json!([{"id": id, "net": "belt", "error": null}]));
+    let canceled = read_only.own("POST", "/api/cancel", "").json();
+    assert_eq!(canceled, json!([{"id": id, "net": "belt", "error": null}]));
     cell.assert_ends(id, "canceled");
     assert_eq!(read_only.own("POST", "/api/cancel", "").json(), json!([]));
     drop((server, read_only));

@@ -83,7 +83,7 @@ fn the_answer_to_load_waits_until_the_net_is_ready_or_rejected_if_asked_to() {
 #[test]
 fn a_request_that_the_state_does_not_allow_is_refused_and_changes_nothing() {
     let cell = TestCell::demo();
-    let id = cell.load(&nets::uncancellable_line("stubborn", 0.2, 0.1));
+    let id = cell.load(&nets::uncancelable_line("stubborn", 0.2, 0.1));
     let code = |what: &str| {
         let reply = cell.operate(id, what);
         assert_eq!(reply.status, 409, "{reply:?}");
@@ -290,7 +290,7 @@ fn two_nets_run_at_once_on_different_devices() {
 }
 
 #[test]
-fn a_cancelled_line_comes_to_rest_on_its_path_and_the_next_net_continues_from_there() {
+fn a_canceled_line_comes_to_rest_on_its_path_and_the_next_net_continues_from_there() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.1));

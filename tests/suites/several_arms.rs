@@ -1,4 +1,4 @@
-//! Two arms in one net, each with a driver of its own: started, cancelled and stopped as one. Two LWRs, and an LWR and an iiwa.
+//! Two arms in one net, each with a driver of its own: started, canceled and stopped as one. Two LWRs, and an LWR and an iiwa.
 //! Each test has a cell of its own.
 
 use rcc_protocol::Role;
@@ -46,11 +46,11 @@ fn assert_held(records: RecordCollector, least: usize) {
 }
 
 #[test]
-fn two_arms_carry_a_load_and_are_cancelled_as_one() {
-    CELLS.into_iter().for_each(carried_and_cancelled);
+fn two_arms_carry_a_load_and_are_canceled_as_one() {
+    CELLS.into_iter().for_each(carried_and_canceled);
 }
 
-fn carried_and_cancelled(config: &str) {
+fn carried_and_canceled(config: &str) {
     let cell = cell(config);
     let records = RecordCollector::follow(&cell);
     let id = cell.run(&shared_load());

@@ -25,7 +25,7 @@ pub enum MotionEvent {
     Contact,
     /// The torch is switched on and off during the motion.
     Weld,
-    /// The motion is cancelled while the torch burns.
+    /// The motion is canceled while the torch burns.
     Cancel,
 }
 

@@ -55,7 +55,7 @@ pub struct NetRun {
 
 impl DemoRunner<'_> {
     /// Loads, starts and follows a net until it has ended and the arm is at rest. `watch` is called repeatedly while
-    /// the net runs; it returns true when the net is to be cancelled.
+    /// the net runs; it returns true when the net is to be canceled.
     ///
     /// # Errors
     /// Fails on an interrupt, if the loader cannot be reached or refuses, or if a time limit is exceeded.

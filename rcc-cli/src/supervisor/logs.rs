@@ -13,7 +13,8 @@ use crate::output::print_note;
 /// Maximum number of runs whose logs are kept.
 const RUNS_MAX: usize = 16;
 
-/// Creates the folder of a new run, named after the time, and returns it. Removes the oldest evidence beyond `keep` bytes.
+/// Creates the folder of a new run, named after the time, and returns it. Removes the oldest files of the state folder beyond
+/// `keep` bytes.
 ///
 /// # Errors
 /// Fails if the folder cannot be created.

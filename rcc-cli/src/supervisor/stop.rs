@@ -1,5 +1,5 @@
 //! Ends a cell: cancels commands, waits until devices are at rest, ends the processes in order, and removes all files but
-//! the evidence.
+//! the state folder.
 //! Run by the supervisor's thread.
 
 use std::time::{Duration, Instant};

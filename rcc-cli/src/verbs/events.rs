@@ -12,9 +12,9 @@ use rcc_api::codes;
 use rcc_protocol::events::{Event, EventKind, EventSeverity};
 
 use crate::context::Context;
-use crate::evidence::Evidence;
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
+use crate::kept_state::KeptState;
 use crate::output::print_note;
 use crate::supervisor::running;
 use crate::table::counted;
@@ -77,29 +77,29 @@ impl From<SeverityArgument> for EventSeverity {
 /// ended the verb.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut filter = EventFilter::new(&arguments)?;
-    // A cell at an address keeps its evidence there.
-    let evidence = match context.remote {
+    // A cell at an address keeps its log there.
+    let kept = match context.remote {
         Some(_) => None,
-        None => Some(Evidence::find(context)?),
+        None => Some(KeptState::find(context)?),
     };
-    if let Some(evidence) = &evidence {
-        if arguments.follow && evidence.cell.is_none() {
+    if let Some(kept) = &kept {
+        if arguments.follow && kept.cell.is_none() {
             return Err(Failure::new(
                 codes::NO_LOADER,
                 format!("cell `{}` is not up: no events come", context.cell_name()),
                 "leave out --follow to see the events that are kept of it, or start it with `rcc-cli up FILE`",
             ));
         }
-        evidence.note(context, "its events are");
+        kept.note(context, "its events are");
     }
     let interrupts = Interrupts::listen()?;
-    let mut log = EventLog::open(context, evidence.as_ref())?;
+    let mut log = EventLog::open(context, kept.as_ref())?;
     let mut batch = log.poll()?;
     // Sorts the events of several processes by time.
     batch.sort_by(|a, b| a.time.cmp(&b.time));
     filter.prepare(&batch);
-    let devices = match (&evidence, &arguments.device) {
-        (Some(evidence), _) => configured_devices(evidence),
+    let devices = match (&kept, &arguments.device) {
+        (Some(kept), _) => configured_devices(kept),
         (None, Some(_)) => devices_of(context)?,
         (None, None) => Vec::new(),
     };
@@ -116,7 +116,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let mut view = EventView::new(context.format, filter);
     view.show_kept(&batch, arguments.lines);
-    // An earlier run may have ended in these events; this one has a runtime folder.
+    // An end event among the kept ones may be of an earlier run: the cell runs as long as its runtime folder exists.
     let mut over = false;
     while arguments.follow && !over {
         if interrupts.asked() {
@@ -124,8 +124,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             return Err(Failure::interrupted());
         }
         // Without a cell nobody writes any more; what came last is read once more.
-        over = evidence.as_ref().is_some_and(|evidence| {
-            let cell = evidence.cell.as_ref();
+        over = kept.as_ref().is_some_and(|kept| {
+            let cell = kept.cell.as_ref();
             cell.is_none_or(|cell| !cell.runtime_dir().is_dir())
         });
         std::thread::sleep(log.interval());
@@ -136,10 +136,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     view.end();
     if arguments.follow {
-        let kept = evidence.map(|evidence| evidence.state.path().display().to_string());
+        let folder = kept.map(|kept| kept.state.path().display().to_string());
         print_note(&format!(
             "the cell has ended; its events stay in {}",
-            kept.as_deref().unwrap_or("the state folder of its machine")
+            folder
+                .as_deref()
+                .unwrap_or("the state folder of its machine")
         ));
     }
     if log.unreadable() > 0 {
@@ -158,8 +160,8 @@ fn devices_of(context: &Context) -> Result<Vec<String>, Failure> {
 }
 
 /// Returns the devices of the cell's configuration, which may not have had an event yet.
-fn configured_devices(evidence: &Evidence) -> Vec<String> {
-    let config = evidence.cell.as_ref().map(running::read);
+fn configured_devices(kept: &KeptState) -> Vec<String> {
+    let config = kept.cell.as_ref().map(running::read);
     let config = config.and_then(Result::ok);
     config.map_or_else(Vec::new, |config| {
         config

@@ -10,11 +10,12 @@ use rcc_api::bodies::{CommandView, StatusView};
 use rcc_engine::costs::cache;
 
 use self::report::{CellCapacity, Explanation};
-use super::{costs, source};
+use super::costs;
 use crate::client::LoaderClient;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
+use crate::net_source;
 use crate::table;
 use crate::task::{TaskFile, analysis};
 
@@ -52,10 +53,10 @@ pub struct TableSelection {
 /// # Errors
 /// Fails if the file does not exist or is invalid, or if the net does not exist.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    if source::is_file(&arguments.net) && TaskFile::is_one(&arguments.net)? {
+    if net_source::is_file(&arguments.net) && TaskFile::is_one(&arguments.net)? {
         return task(context, &arguments.net);
     }
-    let found = source::find(context, &arguments.net, arguments.config)?;
+    let found = net_source::find(context, &arguments.net, arguments.config)?;
     let room = match &found.client {
         Some(client) if context.remote.is_some() => Some(room(client)?),
         client => client.as_ref().and_then(|client| room(client).ok()),

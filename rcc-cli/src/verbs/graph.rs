@@ -11,9 +11,9 @@ use rcc_language::structure::literal_label;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
 use serde_json::Value;
 
-use super::source::{self, ResolvedNet};
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::net_source::{self, ResolvedNet};
 use crate::result_file::ResultTarget;
 use crate::task::{self, TaskFile};
 
@@ -72,7 +72,7 @@ impl Arguments {
 /// Fails if the file does not exist or is invalid, the net does not exist or is too large for SVG, or the output cannot
 /// be written.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    if context.remote.is_some() && !arguments.values && source::is_file(&arguments.net) {
+    if context.remote.is_some() && !arguments.values && net_source::is_file(&arguments.net) {
         let message = format!("`graph {}` draws a file and needs no cell", arguments.net);
         return Err(Failure::new(
             codes::BAD_REQUEST,
@@ -81,10 +81,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         ));
     }
     let format = arguments.format()?;
-    if source::is_file(&arguments.net) && TaskFile::is_one(&arguments.net)? {
+    if net_source::is_file(&arguments.net) && TaskFile::is_one(&arguments.net)? {
         return task(context, &arguments, format);
     }
-    let ResolvedNet { structure, .. } = source::find(context, &arguments.net, arguments.config)?;
+    let ResolvedNet { structure, .. } =
+        net_source::find(context, &arguments.net, arguments.config)?;
     let values = match arguments.values {
         true => Some(values(context, &arguments.net)?),
         false => None,

@@ -13,8 +13,8 @@ use rcc_engine::incident::IncidentHead;
 use self::arm::ArmArguments;
 use self::fetch::FetchArguments;
 use crate::context::Context;
-use crate::evidence::Evidence;
 use crate::failure::Failure;
+use crate::kept_state::KeptState;
 use crate::output::print_note;
 use crate::table;
 
@@ -86,9 +86,9 @@ fn local_folder(folder: &Path) -> Failure {
 
 /// Returns the cell's folder of incidents; says where it is if the cell is not up.
 pub(super) fn incidents_dir(context: &Context) -> Result<PathBuf, Failure> {
-    let evidence = Evidence::find(context)?;
-    evidence.note(context, "its incidents are");
-    Ok(evidence.state.incidents_dir())
+    let kept = KeptState::find(context)?;
+    kept.note(context, "its incidents are");
+    Ok(kept.state.incidents_dir())
 }
 
 /// Returns the newest incident file of a folder.

@@ -1,5 +1,5 @@
 //! `run FILE`: loads, starts, follows and unloads a net. The first Ctrl-C cancels it (or aborts a net that cannot be
-//! cancelled), the second one aborts it. A failure to print never ends the supervision of the net.
+//! canceled), the second one aborts it. A failure to print never ends the supervision of the net.
 
 use rcc_api::bodies::CommandView;
 use rcc_api::codes::{RequestedEnd, exit};
@@ -51,7 +51,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if context.format == OutputFormat::Json {
         context.print(&command, |_| String::new());
     }
-    // The user has interrupted the run, whether the net was then cancelled, aborted or had just finished.
+    // The user has interrupted the run, whether the net was then canceled, aborted or had just finished.
     if interrupts.asked() && command.fault.is_none() {
         return Err(Failure::interrupted());
     }

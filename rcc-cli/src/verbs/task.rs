@@ -56,7 +56,7 @@ fn once(
         .and_then(|()| begin(context, client, interrupts, (task, &commands)));
     if !keep {
         for (id, _) in commands.values() {
-            // One that is still being cancelled cannot be unloaded; it stays in the list.
+            // One that is still being canceled cannot be unloaded; it stays in the list.
             let _ = follow::unload(client, &id.to_string());
         }
     }

@@ -54,7 +54,7 @@ fn every_example_net_runs_and_ends_as_it_is_meant_to() {
     for file in fs::read_dir(nets()).expect("the example nets") {
         let path = file.expect("a file").path();
         let name = path.display().to_string();
-        // A line that cannot be cancelled ends by itself earlier.
+        // A line that cannot be canceled ends by itself earlier.
         let report = report(0, &[&name, "--for", "20s", "--cancel-at", "6s"]);
         assert_eq!(report["state"], "terminated", "{name}: {report}");
         let reason = report["reason"].as_str().unwrap_or_default();

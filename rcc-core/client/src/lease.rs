@@ -56,7 +56,7 @@ impl LeaseHolder {
         Ok(client.post(path, body(number)?)?)
     }
 
-    /// Returns true when the cell has forgotten the lease: what was bound to it was cancelled.
+    /// Returns true when the cell has forgotten the lease: what was bound to it was canceled.
     pub fn is_lost(&self) -> bool {
         let held = self.lease.lock().unwrap_or_else(PoisonError::into_inner);
         held.as_ref().is_some_and(Lease::is_lost)
@@ -80,7 +80,7 @@ impl LeaseHolder {
     }
 }
 
-/// A lease that was granted. It ends when it is dropped: what is bound to it is cancelled.
+/// A lease that was granted. It ends when it is dropped: what is bound to it is canceled.
 #[derive(Debug)]
 pub(crate) struct Lease {
     /// Its number.
@@ -121,7 +121,7 @@ impl Lease {
         })
     }
 
-    /// Returns true when the cell has forgotten it: what was bound to it was cancelled.
+    /// Returns true when the cell has forgotten it: what was bound to it was canceled.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
     }

@@ -236,8 +236,8 @@ impl<B: DeviceBoards> Engine<B> {
         self.status.running == 0
     }
 
-    /// Begins to stop the engine: from now on no net is started; running nets are cancelled, or aborted if they cannot
-    /// be cancelled.
+    /// Begins to stop the engine: from now on no net is started; running nets are canceled, or aborted if they cannot
+    /// be canceled.
     pub fn begin_stop(&mut self) {
         if !std::mem::replace(&mut self.stopping, true) {
             self.disarm_where(DisarmReason::Stopping, |_| true);

@@ -1,4 +1,4 @@
-//! A loaded net with its arenas: built by the intake thread, evaluated by the real-time thread.
+//! A loaded net with its arenas: built by the net-builder thread, evaluated by the real-time thread.
 
 use std::sync::Arc;
 
@@ -234,7 +234,7 @@ impl Net {
         self.arms.fill(None);
     }
 
-    /// As [`Net::reset`]; what it takes over stays, because a recording has it before the evaluation.
+    /// As [`Net::reset`], but keeps the motions to be taken over: a recording contains them before the evaluation.
     pub(crate) fn begin_again(&mut self) {
         let arms = std::mem::take(&mut self.arms);
         self.reset();

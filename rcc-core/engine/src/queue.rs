@@ -174,7 +174,7 @@ pub enum EngineEvent {
     },
     /// A rule fired, was refused, expired or was disarmed.
     Rule(RuleStatus),
-    /// A lease expired or was ended: so many rules were disarmed and commands cancelled.
+    /// A lease expired or was ended: so many rules were disarmed and commands canceled.
     LeaseLost {
         cycle: u64,
         lease: u64,

@@ -85,7 +85,7 @@ pub fn rehearse(
     result.map(Some).map_err(Refusal::Foreseen)
 }
 
-/// Number of blends that are smaller than requested, and the one that lacks most.
+/// Number of blends that are smaller than requested, and the one with the largest shortfall, m.
 fn shortened(net: &Net) -> (u32, Option<ShortenedBlend>) {
     let roundings = net
         .motions()
@@ -96,14 +96,14 @@ fn shortened(net: &Net) -> (u32, Option<ShortenedBlend>) {
             asked_m: shortened.asked_m,
             made_m: shortened.made_m,
         });
-    let lacks = |rounding: &ShortenedBlend| rounding.asked_m - rounding.made_m;
+    let shortfall = |rounding: &ShortenedBlend| rounding.asked_m - rounding.made_m;
     roundings.fold((0, None), |(count, most), next| match most {
-        Some(most) if lacks(&most) >= lacks(&next) => (count + 1, Some(most)),
+        Some(most) if shortfall(&most) >= shortfall(&next) => (count + 1, Some(most)),
         _ => (count + 1, Some(next)),
     })
 }
 
-/// The motion that takes most time more than its limits require.
+/// The motion whose duration exceeds the possible one by the most, s.
 fn slowest(net: &Net) -> Option<SlowMotion> {
     let slow = net.motions().slow().map(|(motion, slow)| SlowMotion {
         motion: motion as u32,
@@ -114,8 +114,8 @@ fn slowest(net: &Net) -> Option<SlowMotion> {
         takes_s: slow.takes_s,
         possible_s: slow.possible_s,
     });
-    let loses = |slow: &SlowMotion| slow.takes_s - slow.possible_s;
-    slow.max_by(|a, b| loses(a).total_cmp(&loses(b)))
+    let excess_s = |slow: &SlowMotion| slow.takes_s - slow.possible_s;
+    slow.max_by(|a, b| excess_s(a).total_cmp(&excess_s(b)))
 }
 
 fn elsewhere_report() -> RehearsalReport {
@@ -189,8 +189,8 @@ impl VirtualDevices {
         })
     }
 
-    /// Runs the net from its start. `speed` is the part of a period that passes for it in each cycle: below 1 everything
-    /// in it takes longer, and the set-points of the same path lie closer together.
+    /// Runs the net from its start. `speed` scales time, 0 to 1: the net's time advances by `speed` periods in each
+    /// cycle, so the motion is slower on the same path.
     fn run(
         &mut self,
         net: &mut Net,

@@ -31,7 +31,7 @@ const OWN_STATE: &str = "state";
 pub struct Cell {
     name: String,
     runtime_dir: PathBuf,
-    /// Folder of the evidence, or of the link to it.
+    /// State folder, or the folder with the link to it.
     state_anchor: PathBuf,
     prefix: String,
 }
@@ -73,7 +73,7 @@ impl Cell {
         Cell::make(name, runtime_dir, None)
     }
 
-    /// Returns the cell `name` in exactly these folders; its evidence is in `state`, or where a link in it leads.
+    /// Returns the cell `name` in exactly these folders; its state folder is `state`, or where a link in it leads.
     /// Creates the runtime folder and its parents.
     ///
     /// # Errors

@@ -32,8 +32,8 @@ pub use recorder::EventRecorder;
 
 /// Size at which the file is rotated, bytes.
 pub const FILE_MAX: u64 = 1 << 20;
-/// Maximum number of rotated files, whatever size the cell's configuration lets the evidence have: writers that do not
-/// read it keep this bound.
+/// Maximum number of rotated files, whatever size the cell's configuration allows for the state folder: writers that do
+/// not read it keep this bound.
 pub const ROTATED_MAX: usize = 16;
 
 impl Cell {

@@ -19,7 +19,7 @@ const CELLS: &str = "cells";
 /// Symbolic link in a cell's folder to the folder that the cell's configuration names.
 const LINK: &str = "folder";
 
-/// Where the evidence of one cell is kept.
+/// Folder of the event log, the incidents and the logs of one cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StateFolder {
     path: PathBuf,
@@ -205,7 +205,7 @@ pub fn state_base() -> PathBuf {
     }
 }
 
-/// Returns the folder of the cell `name`; its evidence is in it, unless the cell's configuration names another folder.
+/// Returns the folder of the cell `name`: its state folder, unless the cell's configuration names another folder.
 pub(crate) fn anchor(name: &str) -> PathBuf {
     state_base().join(CELLS).join(name)
 }

@@ -78,7 +78,7 @@ const CHECKS: &[Check] = &[
     topics::topics_are_published_once,
     topics::topics_are_of_one_type,
     topics::no_net_subscribes_to_itself,
-    limits::commands_can_be_cancelled,
+    limits::commands_can_be_canceled,
 ];
 
 /// Checks a net against every rule. Returns `None` if this or an earlier pass has reported an error.

@@ -109,8 +109,8 @@ descriptions! {
         "remove one of the instances";
     DELAYED_TWICE = "RCC1410", "A link is delayed in a fragment and at its instance.",
         "remove one of the two `delayed: true`";
-    NEVER_NULL = "RCC1411", "A constant or input in a region is read outside of it.",
-        "read it only within the region";
+    NEVER_NULL = "RCC1411", "A constant or `Input` inside an instance with `active:` is read outside of it.",
+        "read it only inside that instance, or move it out of it";
     ALWAYS_NULL = "RCC1412", "A command is null in every cycle.",
         "give the first primitive of the chain a value, or replace null: `{type: OrElse, inputs: {in: …, other: …}}`";
     NO_TERMINATION = "RCC1501", "The net has no Termination.",
@@ -129,7 +129,7 @@ descriptions! {
         "docs/from-the-predecessor.md lists the counterpart of each type";
     WRONG_ARM = "RCC1602", "A net of the predecessor was made for another arm.",
         "name the arm that it was made for: `# devices: NAME=DEVICE` before the net";
-    NOT_CANCELABLE = "RCC1901", "The net commands devices and cannot be cancelled (warning).",
+    NOT_CANCELABLE = "RCC1901", "The net commands an arm and has no Cancel (warning).",
         "add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion";
     RATE_ROUNDED = "RCC1902", "A rate does not divide the cycle rate and was rounded (warning).",
         "choose a rate that divides the cycle rate";

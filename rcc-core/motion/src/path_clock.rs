@@ -146,8 +146,8 @@ impl PathClock {
         *self = Self::default();
     }
 
-    /// For a path that is at rest at its beginning whatever its clock does (it has a time law): starts a clock that has
-    /// not begun at its permitted speed instead of accelerating from 0. Does nothing if the clock has begun.
+    /// For a path with a time law, whose speed is 0 at its start at any clock speed: a clock that has not begun starts at
+    /// its permitted speed, not at 0. Does nothing if the clock has begun.
     pub fn start_rolling(&mut self, bounds: &PathBounds, speed_override: SpeedOverride) {
         if let (ClockCommand::None, ClockCommand::Run(speed)) =
             (self.command, ClockCommand::of(speed_override))

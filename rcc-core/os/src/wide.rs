@@ -1,6 +1,6 @@
 //! Work on long arrays, compiled once more for the wide vectors that most processors have. Any thread, also real-time
 //! threads: what the processor has is found out once, without a system call.
-// Calls of functions for a processor that was found to be this one, only in this file.
+// Unsafe only here: calls of functions compiled for processor features that were detected first.
 #![allow(unsafe_code)]
 
 /// Work that gives the same result whatever it is compiled for; `run` is to be `#[inline(always)]`, or it runs as compiled

@@ -180,7 +180,7 @@ impl RuleRecording {
     }
 }
 
-/// A rule: when the condition holds, commands are stopped and started as by a hand-over, and others are cancelled, all
+/// A rule: when the condition holds, commands are stopped and started as by a hand-over, and others are canceled, all
 /// of it between the same two cycles, or nothing. A rule that records does nothing else.
 ///
 /// Of fixed size, because the real-time thread keeps it; unused terms and ids are `None` and 0.
@@ -190,7 +190,7 @@ pub struct Rule {
     pub when: [Option<RuleTerm>; RULE_TERMS_MAX],
     /// Commands that end; those that have ended already are skipped.
     pub stop: [u64; SWITCH_MAX],
-    /// Commands that are cancelled; those that have ended already are skipped.
+    /// Commands that are canceled; those that have ended already are skipped.
     pub cancel: [u64; SWITCH_MAX],
     /// Ready commands that start.
     pub start: [u64; SWITCH_MAX],

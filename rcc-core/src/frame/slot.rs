@@ -238,6 +238,6 @@ pub struct Device(pub u32);
 #[derive(Clone, Copy, Debug)]
 pub struct Channel(pub u32);
 
-/// The index of a motion of the net.
+/// The index of a motion of the net, which is also that of its path clock.
 #[derive(Clone, Copy, Debug)]
-pub struct Clock(pub u32);
+pub struct MotionIndex(pub u32);

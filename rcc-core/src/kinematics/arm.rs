@@ -67,7 +67,7 @@ impl Arm {
         }
     }
 
-    /// Returns base, shoulder, elbow, wrist and flange in the base frame, m, for a serial arm base, axes and flange: the
+    /// Returns base, shoulder, elbow, wrist and flange in the base frame, m, for a [`SerialArm`] base, axes and flange: the
     /// ends of the links as they are drawn. NaN in, NaN out.
     #[must_use]
     pub fn link_points(&self, joints: &Joints) -> LinkPoints {
@@ -88,7 +88,7 @@ impl Arm {
         }
     }
 
-    /// Returns the branch of joint positions; always the first for a serial arm, which has none.
+    /// Returns the branch of joint positions; always the first for a [`SerialArm`], which has none.
     #[must_use]
     pub fn branch(&self, joints: &Joints) -> Branch {
         match self {
@@ -98,7 +98,7 @@ impl Arm {
         }
     }
 
-    /// Returns true if poses are reached in branches, false for a serial arm.
+    /// Returns true if poses are reached in branches, false for a [`SerialArm`].
     #[must_use]
     pub const fn has_branches(&self) -> bool {
         !matches!(self, Arm::Serial(_))
@@ -114,7 +114,7 @@ impl Arm {
         }
     }
 
-    /// Returns the arm angle, rad: for an S-R-S arm in (−π, π], for a serial arm of seven axes the position of its
+    /// Returns the arm angle, rad: for an S-R-S arm in (−π, π], for a [`SerialArm`] of seven axes the position of its
     /// redundant joint; `None` for other arms, where a pose (and a branch) determine the joints.
     #[must_use]
     pub fn arm_angle(&self, joints: &Joints) -> Option<f64> {
@@ -125,7 +125,7 @@ impl Arm {
         }
     }
 
-    /// Returns branch and arm angle; together with the flange pose they determine the joints (of a serial arm: those near
+    /// Returns branch and arm angle; together with the flange pose they determine the joints (of a [`SerialArm`]: those near
     /// a hint).
     #[must_use]
     pub fn configuration(&self, joints: &Joints) -> ArmConfiguration {
@@ -136,7 +136,7 @@ impl Arm {
     }
 
     /// Returns the joints that bring the flange to `pose` (base frame) with an arm angle (rad; ignored where
-    /// [`Arm::arm_angle`] is `None`) in a branch (ignored for a serial arm, whose numeric inverse starts at `hint`), each by the whole turn nearest to `hint`. Where two axes are aligned, one of their joints is taken
+    /// [`Arm::arm_angle`] is `None`) in a branch (ignored for a [`SerialArm`], whose numeric inverse starts at `hint`), each by the whole turn nearest to `hint`. Where two axes are aligned, one of their joints is taken
     /// from `hint`; near a singularity, a `hint` that reaches the pose by itself in this branch and with this arm angle is
     /// the answer. Joint limits are not checked, see [`Arm::inverse_within`].
     ///
@@ -205,7 +205,7 @@ impl Arm {
     }
 
     /// Returns KUKA's Status (S) of joint positions, bits 0 to 2; `None` for seven joints, whose Status KUKA defines
-    /// differently, and for serial arms. See [`OrthoParallelArm::status`].
+    /// differently, and for a [`SerialArm`]. See [`OrthoParallelArm::status`].
     #[must_use]
     pub fn status(&self, joints: &Joints) -> Option<u8> {
         match self {
@@ -214,7 +214,7 @@ impl Arm {
         }
     }
 
-    /// Returns the branch of KUKA's Status (S); `None` for seven joints and serial arms. Bits from 3 on are ignored.
+    /// Returns the branch of KUKA's Status (S); `None` for seven joints and for a [`SerialArm`]. Bits from 3 on are ignored.
     #[must_use]
     pub fn branch_of_status(&self, status: u8) -> Option<Branch> {
         match self {

@@ -80,7 +80,7 @@ pub enum Unreachable {
         /// Smallest possible distance (excluded for an S-R-S arm), m.
         reach: f64,
     },
-    /// The numeric inverse of a serial arm ended this far from the pose: m and rad, as one vector.
+    /// The numeric inverse kinematics ended this far from the pose: m and rad, as one vector.
     NoSolution {
         /// Remaining distance from the pose.
         residual: f64,

@@ -13,7 +13,7 @@ pub enum SingularityKind {
     Shoulder,
     /// S-R-S: the wrist is above (or below) the shoulder, where the arm angle is undefined.
     ArmAngle,
-    /// Serial: the Jacobian loses rank.
+    /// `SerialArm`: the Jacobian loses rank.
     Rank,
 }
 
@@ -56,7 +56,7 @@ pub struct Singularity {
     /// Kind.
     pub kind: SingularityKind,
     /// Distance: the sine of the remaining angle, 0 to 1; for a wrist above axis 1 its distance from the axis relative
-    /// to the arm's reach; for a serial arm the smallest singular value of the Jacobian, with 1 m weighted as 1 rad. NaN
+    /// to the arm's reach; for a `SerialArm` the smallest singular value of the Jacobian, with 1 m weighted as 1 rad. NaN
     /// for null joints.
     pub distance: f64,
 }

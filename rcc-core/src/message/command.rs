@@ -14,9 +14,9 @@ pub enum CommandState {
     Rejected = 2,
     /// It can be started.
     Ready = 3,
-    /// Evaluated every cycle.
+    /// Evaluated in every cycle in which its rate is due.
     Running = 4,
-    /// Evaluated every cycle; the output of its `Cancel` is true.
+    /// As `Running`; the output of its `Cancel` is true.
     Canceling = 5,
     /// Terminated; see [`EndReason`].
     Terminated = 6,
@@ -32,7 +32,8 @@ pub enum EndReason {
     Finished = 1,
     /// The input of its `Termination` was true after CANCEL.
     Canceled = 2,
-    /// Ended by ABORT.
+    /// Ended without its `Termination`: by ABORT, a hand-over, a rule, or, without a `Cancel`, a lost lease or the stop
+    /// of the executor.
     Aborted = 3,
     /// Ended by a fault; see [`FaultRecord`].
     Fault = 4,
@@ -144,7 +145,7 @@ pub struct FaultRecord {
     pub code: u32,
     /// Device index, `u32::MAX` = none.
     pub device: u32,
-    /// Joint, counted from 1; 0 = none.
+    /// Joint, counted from 1; 0 = none. Numbers above [`crate::joints::JOINTS_MAX`] are axes, see [`crate::guard::axis`].
     pub joint: u32,
     /// [`crate::guard::ViolationKind`] as a number, 0 = none.
     pub violation: u32,

@@ -26,7 +26,7 @@ pub struct DeviceEntry {
     pub quality_permille: u32,
     /// The driver's reason number.
     pub reason: u32,
-    /// Number of times that the board became stale.
+    /// Number of times that the device was lost: its board stale, detached or implausible.
     pub losses: u64,
 }
 

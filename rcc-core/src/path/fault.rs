@@ -83,11 +83,11 @@ pub enum MotionFault {
     },
     /// The elbow is to turn, but the arm has no arm angle, or no known range of it.
     NoArmAngle,
-    /// A branch is given, but the arm is serial and has none.
+    /// A branch is given, but the arm has numeric inverse kinematics and therefore none.
     NoBranch,
     /// The blends at both ends leave no section on which the elbow could move.
     NoRoomForElbow,
-    /// A Status is given, but the arm has seven joints or is serial and therefore has none.
+    /// A Status is given, but the arm has seven joints or numeric inverse kinematics and therefore has none.
     NoStatus,
     /// `wait` where the motion does not rest before the leg, `until` where it does not rest after it, or a blend at the
     /// end of the leg that follows `until`.

@@ -160,7 +160,7 @@ pub enum Operand {
     Device,
     /// Index of a channel of the device before it.
     Channel(ChannelKind),
-    /// Index of a path clock.
+    /// Index of a motion, which is also that of its path clock.
     Clock,
     /// One of the sizes.
     Size(Size),

@@ -5,7 +5,7 @@ use core::convert::identity;
 
 use super::{Operand, Width};
 use crate::frame::{
-    Channel, Clock, Device, Element, Frame, Preparation, PrepareFault, Slot, Value,
+    Channel, Device, Element, Frame, MotionIndex, Preparation, PrepareFault, Slot, Value,
 };
 use crate::types::Store;
 
@@ -27,7 +27,7 @@ pub enum FieldKind {
     Device,
     /// A channel.
     Channel,
-    /// A motion.
+    /// The index of a motion, which is also that of its path clock.
     Clock,
     /// A size.
     Size,
@@ -79,7 +79,7 @@ macro_rules! field {
 
 field!(Device, Device, Device);
 field!(Channel, Channel, Channel);
-field!(Clock, Clock, Clock);
+field!(MotionIndex, Clock, MotionIndex);
 field!(u32, Size, identity);
 
 /// A struct of operands; made by `operands!`.

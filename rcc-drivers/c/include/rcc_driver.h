@@ -75,7 +75,7 @@ typedef struct rcc_device {
 
 /* Measured values. Everything is unknown when receive is called: NAN, and -1 for digital inputs. */
 typedef struct rcc_inputs {
-    double position[RCC_JOINTS_MAX];        /* rad; must be known if there is an arm */
+    double position[RCC_JOINTS_MAX];        /* rad (linear axes: m); must be known if there is an arm */
     double torque[RCC_JOINTS_MAX];          /* N m */
     double external_torque[RCC_JOINTS_MAX]; /* measured torque minus that of the device's model, N m */
     double wrench[6];                       /* fx fy fz tx ty tz at the flange, N and N m: all six, or none */
@@ -85,7 +85,7 @@ typedef struct rcc_inputs {
 
 /* What an exchange says besides. When receive is called: commandable and startable, one tick, quality 1000, nothing else. */
 typedef struct rcc_exchange {
-    double mirror[RCC_JOINTS_MAX]; /* where the arm holds itself while it is not commandable, rad; NAN: at its position */
+    double mirror[RCC_JOINTS_MAX]; /* where the arm holds itself while not commandable, rad (linear axes: m); NAN: at its position */
     double period_s;               /* of the device; must be set */
     uint64_t ticks;                /* periods of the device since the last exchange, by its own counter */
     uint64_t late;                 /* answers that the device missed, and datagrams that were refused, since open */
@@ -97,7 +97,7 @@ typedef struct rcc_exchange {
 
 /* Values for the device. */
 typedef struct rcc_outputs {
-    double position[RCC_JOINTS_MAX]; /* set-points, rad; within the robot's limits */
+    double position[RCC_JOINTS_MAX]; /* set-points, rad (linear axes: m); within the robot's limits */
     double analog[RCC_ANALOG_MAX];   /* raw; NAN: no value, the device keeps its present one */
     int8_t digital[RCC_DIGITAL_MAX]; /* 0 or 1; -1: no value */
 } rcc_outputs;

@@ -20,7 +20,7 @@ pub use settings::Settings;
 /// Measured values of one exchange, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
-    /// Joint positions, rad.
+    /// Joint positions, rad (linear axes: m).
     pub position: Joints,
     /// Joint torques, N·m; NaN = unknown.
     pub torque: Joints,
@@ -53,7 +53,7 @@ impl Inputs {
 /// Values sent to the device in one exchange, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
-    /// Joint set-points, rad; effective while the device is commandable.
+    /// Joint set-points, rad (linear axes: m); effective while the device is commandable.
     pub position: Joints,
     /// Stiffness and damping set-points for the control mode that the device runs, see [`Exchange::strategy`].
     pub impedance: Impedance,
@@ -94,7 +94,7 @@ pub struct Exchange {
     pub startable: bool,
     /// Control mode that the device runs; a net that commands another one is not started.
     pub strategy: ControlMode,
-    /// Position at which the device holds itself while it is not commandable, rad.
+    /// Position at which the device holds itself while it is not commandable, rad (linear axes: m).
     pub mirror: Joints,
     /// Periods of the device since the last exchange, at least 1.
     pub ticks: u64,
@@ -233,10 +233,11 @@ pub trait Driver: Send {
     /// cycle counts; [`Exchange::ticks`] gives the number of cycles.
     ///
     /// # Errors
-    /// Returns an error if there was no exchange; `inputs` are then unchanged. [`LinkError::Silent`] is a pause, and
-    /// the host declares the device lost after a while; [`LinkError::Lost`] declares it lost at once; an arm in
-    /// motion that answers again before that while is over is brought to rest within its limits. In both cases the host calls again, and the driver tries to reach the device again by itself, with growing pauses if an attempt is
-    /// expensive.
+    /// Returns an error if there was no exchange; `inputs` are then unchanged. [`LinkError::Silent`]: the host declares
+    /// the device lost after `command_timeout` or five of its periods, whichever is longer. [`LinkError::Lost`]: at
+    /// once. An arm in motion that answers again within that time is brought to rest within its limits. In both cases
+    /// the host calls again, and the driver tries to reach the device again by itself, with growing pauses if an attempt
+    /// is expensive.
     fn receive(
         &mut self,
         timeout: std::time::Duration,
@@ -293,7 +294,8 @@ impl DriverEntry {
         }
     }
 
-    /// Returns the driver that a device's configuration names: by its name, or the only one of the program that it names.
+    /// Returns the driver with the configured name; or, if the configuration names a program, the only driver of that
+    /// program.
     ///
     /// # Errors
     /// Returns [`DriverError::UnknownDriver`] if none of these drivers is meant.

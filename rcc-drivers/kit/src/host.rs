@@ -204,7 +204,7 @@ impl Host {
         }
         self.recorder.tell(match self.helpers.failure() {
             None => EventKind::Stopping {
-                why: "asked to".to_owned(),
+                why: "on request".to_owned(),
             },
             Some(why) => EventKind::HelperEnded { why },
         });

@@ -223,7 +223,7 @@ pub enum WireError {
     #[error("{0}")]
     OtherFrame(&'static str),
     /// The length before the message is not that of the message.
-    #[error("length {told} is told, {have} bytes follow")]
+    #[error("the length field says {told} bytes, but {have} follow")]
     Length {
         /// As the frame says, bytes.
         told: usize,
@@ -231,7 +231,7 @@ pub enum WireError {
         have: usize,
     },
     /// The CRC behind the message is wrong.
-    #[error("CRC {told:#010x} is told, {computed:#010x} is computed")]
+    #[error("wrong CRC: received {told:#010x}, computed {computed:#010x}")]
     Checksum {
         /// As the frame says.
         told: u32,

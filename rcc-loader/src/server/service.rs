@@ -61,8 +61,7 @@ pub struct Service {
     /// part of [`Service::config`] that also holds for it.
     naming: Published<(u64, Arc<CellConfig>)>,
     files: Mutex<WatchedFiles>,
-    /// Commands that this process is loading; with them a restarted loader tells its own commands from those of a dead
-    /// loader.
+    /// Commands that this process is loading; distinguishes them from commands that a dead loader left `loading`.
     loading: Published<BTreeMap<u64, Arc<CommandSummary>>>,
     /// Commands that are `loading` in the executor's table and that this process is not loading.
     unclaimed: Mutex<maintenance::UnclaimedCommands>,
@@ -290,8 +289,8 @@ impl Service {
         })
     }
 
-    /// Returns a command as [`Service::detail`] does in brief, or as it was when it was unloaded, if it had ended and is
-    /// one of the last; the latter by its id alone.
+    /// As [`Service::detail`] without text and names; also finds, by id only, one of the last commands that had ended when
+    /// they were unloaded.
     ///
     /// # Errors
     /// Returns an error if there is no executor or no such command.

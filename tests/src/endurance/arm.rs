@@ -1,4 +1,4 @@
-//! Moves the arm back and forth with nets that finish, are cancelled, are aborted, lose their driver, or run while two
+//! Moves the arm back and forth with nets that finish, are canceled, are aborted, lose their driver, or run while two
 //! processes are killed at the same moment. Runs on one thread, which also starts the arm's driver.
 
 use std::time::Duration;

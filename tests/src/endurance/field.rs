@@ -42,7 +42,7 @@ macro_rules! counts {
 
 counts! {
     finished: "motions that finished",
-    canceled: "motions that were cancelled",
+    canceled: "motions that were canceled",
     aborted: "motions that were aborted",
     killed: "motions whose driver was killed",
     disturbed: "motions that ended by a fault although nothing was killed",

@@ -140,7 +140,7 @@ impl Stage {
                     Duration::from_millis(20) + random.time_below(Duration::from_millis(150)),
                 );
             }
-            Phase::Moving | Phase::Cancelling | Phase::Reconfigured | Phase::Stopping => {
+            Phase::Moving | Phase::Canceling | Phase::Reconfigured | Phase::Stopping => {
                 if victim.touches(Target::Client)
                     && matches!(phase, Phase::Moving | Phase::Reconfigured)
                 {
@@ -175,12 +175,12 @@ impl Stage {
     fn enter(&mut self, case: Case, scene: &mut Scene, random: &mut Random) {
         let Some(line) = scene.line else { return };
         match case.phase {
-            Phase::Cancelling if case.victim.touches(Target::Client) => {
+            Phase::Canceling if case.victim.touches(Target::Client) => {
                 let cancel = self.client(&["cancel", "line", "--wait"]);
                 scene.guests.push((Some(Target::Client), cancel));
                 std::thread::sleep(random.time_below(Duration::from_millis(60)));
             }
-            Phase::Cancelling => {
+            Phase::Canceling => {
                 self.cell.done(line, "cancel");
                 std::thread::sleep(random.time_below(Duration::from_millis(100)));
             }
@@ -283,7 +283,7 @@ impl Stage {
         }
         let row = self.cell.await_end(line);
         let reason = row["reason"].as_str().unwrap_or_default().to_owned();
-        let planned = if phase == Phase::Cancelling {
+        let planned = if phase == Phase::Canceling {
             "canceled"
         } else {
             "finished"
@@ -291,7 +291,7 @@ impl Stage {
         let touched = victim.touches(Target::ArmDriver) || victim.touches(Target::Executor);
         let asked = client && disturbance == Disturbance::Term && reason == "canceled";
         // The client died before it sent the cancel.
-        let unsent = client && phase == Phase::Cancelling && reason == "finished";
+        let unsent = client && phase == Phase::Canceling && reason == "finished";
         assert!(
             reason == planned || touched || asked || unsent,
             "ended as {row} instead of {planned}"

@@ -1,5 +1,5 @@
-//! No circles between the source files of a package: files that need each other, directly or through others, are one file
-//! in two places. What both need belongs into a third one. A file and the files of its own modules are one part.
+//! No cyclic dependencies between the source files of a package, except between a file and its own modules; what two
+//! files need is in a third.
 //!
 //! Read from the text: all paths that begin with `crate`, `super` or `self`, followed through re-exports. Run by the
 //! threads of the test harness.

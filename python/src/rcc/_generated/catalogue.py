@@ -113,7 +113,7 @@ class ArmAngle(Block):
 
     @property
     def angle(self) -> Port:
-        """Real [rad]: rotation of the elbow about the line from shoulder to wrist, 0 with the elbow up; for a serial arm of seven joints the position of its redundant joint"""
+        """Real [rad]: rotation of the elbow about the line from shoulder to wrist, 0 with the elbow up; for an arm of seven joints with numeric inverse kinematics the position of its redundant joint"""
         return self['angle']
 
     @property
@@ -766,7 +766,7 @@ class InverseKinematics(Block):
 
     @property
     def reason(self) -> Port:
-        """Int: why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse of a serial arm found none; null if the device is not an arm"""
+        """Int: why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse kinematics found none; null if the device is not an arm"""
         return self['reason']
 
     @property
@@ -785,7 +785,7 @@ class InverseKinematicsNear(Block):
 
     @property
     def reason(self) -> Port:
-        """Int: why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse of a serial arm found none; null if the device is not an arm"""
+        """Int: why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse kinematics found none; null if the device is not an arm"""
         return self['reason']
 
     @property
@@ -2789,7 +2789,7 @@ class Primitives(Base):
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
         stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
-        arm_angle: Real [rad]: for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
+        arm_angle: Real [rad]: for seven joints: arm angle at the end (with numeric inverse kinematics: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
         elbow: stays, middle: stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end; default stays
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
         pause: Bool: brings the motion to rest on the path; when false again, the motion continues; default false
@@ -3505,8 +3505,8 @@ class Primitives(Base):
 
         device: device with an arm: name of an arm in the cell's configuration
         pose: Pose: flange in the arm's base
-        arm_angle: Real [rad]: rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle (for a serial arm of seven joints the position of its redundant joint); ignored for an arm that has none
-        hint: Real[joints] [rad or m]: joint positions that determine the branch (of a serial arm: from which the numeric inverse starts), the angles that aligned axes leave open, and the choice among several turns, A1 first
+        arm_angle: Real [rad]: rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle (for an arm of seven joints with numeric inverse kinematics the position of its redundant joint); ignored for an arm that has none
+        hint: Real[joints] [rad or m]: joint positions that determine the branch (with numeric inverse kinematics: from which it starts), the angles that aligned axes leave open, and the choice among several turns, A1 first
         name: name in the net; default `inversekinematicsnear` with a number
         """
         return self._add(InverseKinematicsNear, name, {'device': device}, {'pose': pose, 'arm_angle': arm_angle, 'hint': hint})
@@ -3831,7 +3831,7 @@ class Primitives(Base):
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
         stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
-        arm_angle: Real [rad]: for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
+        arm_angle: Real [rad]: for seven joints: arm angle at the end (with numeric inverse kinematics: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
         elbow: stays, middle: stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end; default stays
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
         pause: Bool: brings the motion to rest on the path; when false again, the motion continues; default false
@@ -5069,7 +5069,7 @@ class Primitives(Base):
         scale: Real [1]: part of the velocity, acceleration and jerk limits of each joint that the motion may use; default 1
         time_optimal: Bool: computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit; default false
         stops: keep, give: for `time_optimal`; keep: 15 % of the limits of acceleration and jerk are reserved for being slowed down; give: 2 %, so the motion ends sooner, but a pause or an override may take seconds; default keep
-        arm_angle: Real [rad]: for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
+        arm_angle: Real [rad]: for seven joints: arm angle at the end (with numeric inverse kinematics: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides; default null
         elbow: stays, middle: stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end; default stays
         stop: Bool: brings the motion to rest on the path; once true, the motion stays stopped; default false
         pause: Bool: brings the motion to rest on the path; when false again, the motion continues; default false

@@ -51,9 +51,9 @@ pub struct CheckStage<'a> {
     pub devices: &'a DeviceTable,
     /// Warnings are refused as well.
     pub denies_warnings: bool,
-    /// The cell that they belong to.
+    /// The cell of these devices.
     pub config: &'a CellConfig,
-    /// Nets are rehearsed in it.
+    /// True if nets are also rehearsed, in this cell.
     pub rehearses: bool,
 }
 

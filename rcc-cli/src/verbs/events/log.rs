@@ -11,8 +11,8 @@ use rcc_protocol::events::Event;
 
 use crate::client::LoaderClient;
 use crate::context::Context;
-use crate::evidence::Evidence;
 use crate::failure::Failure;
+use crate::kept_state::KeptState;
 use crate::output::print_note;
 
 /// Interval between two polls of a followed file.
@@ -38,13 +38,13 @@ pub(super) struct LoaderLog {
 }
 
 impl EventLog {
-    /// Opens the log: the one that is kept on this machine, or without evidence that of the loader at the address.
+    /// Opens the log: the one that is kept on this machine, or with `None` that of the loader at the address.
     ///
     /// # Errors
     /// Fails if the system provides no event queue.
-    pub fn open(context: &Context, evidence: Option<&Evidence>) -> Result<EventLog, Failure> {
-        Ok(match evidence {
-            Some(Evidence { state, .. }) => {
+    pub fn open(context: &Context, kept: Option<&KeptState>) -> Result<EventLog, Failure> {
+        Ok(match kept {
+            Some(KeptState { state, .. }) => {
                 EventLog::File(state.events_file(), EventReader::open(state))
             }
             None => EventLog::Loader(LoaderLog {

@@ -11,8 +11,8 @@ use rcc_language::structure::{NetStructure, PortInfo, PrimitiveRole, SourceInfo}
 use rcc_motion::TimeScaling;
 use serde::Serialize;
 
+use crate::net_source::ResolvedNet;
 use crate::simulate;
-use crate::verbs::source::ResolvedNet;
 
 /// Properties and requirements of a net.
 #[derive(Clone, Debug, Serialize)]

@@ -211,7 +211,7 @@ pub struct CommandDetail {
 pub type CommandKey = (u64, u64);
 
 impl CommandView {
-    /// Returns true while its net is evaluated in each cycle.
+    /// Returns true while the command is `running` or `canceling`.
     #[must_use]
     pub fn is_active(&self) -> bool {
         is_active(&self.state)

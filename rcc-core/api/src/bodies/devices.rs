@@ -22,7 +22,7 @@ pub struct DeviceView {
     pub holder: Option<String>,
     /// Quality of the connection in thousandths, 1000 is best.
     pub quality_permille: u32,
-    /// Number of times that the executor found its board stale.
+    /// Number of times that the executor lost the device.
     pub losses: u64,
     /// Process id of the driver; 0 if there is none.
     pub pid: u32,

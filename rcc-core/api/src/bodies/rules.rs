@@ -42,7 +42,7 @@ impl CommandList {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(ToSchema))]
 pub enum OnClientLoss {
-    /// The rule is disarmed; the command, or what the rule started, is cancelled.
+    /// The rule is disarmed; the command, or what the rule started, is canceled.
     #[default]
     #[serde(rename = "cancel")]
     Cancel,
@@ -99,7 +99,7 @@ pub struct RecordedView {
     pub cycle: Option<u64>,
 }
 
-/// A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing
+/// A rule: when the condition holds, commands stop, are canceled and start between the same two cycles, or nothing
 /// changes. A rule that records does nothing else.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(ToSchema))]
@@ -113,7 +113,7 @@ pub struct RuleBody {
     /// Commands that end; those that have ended already are skipped.
     #[serde(default, skip_serializing_if = "CommandList::is_empty")]
     pub stop: CommandList,
-    /// Commands that are cancelled; those that have ended already are skipped.
+    /// Commands that are canceled; those that have ended already are skipped.
     #[serde(default, skip_serializing_if = "CommandList::is_empty")]
     pub cancel: CommandList,
     /// Ready commands that start.

@@ -35,7 +35,7 @@ pub struct HelperView {
     pub name: String,
     /// `waiting running hanging ended panicked`.
     pub state: String,
-    /// Number of signs of life (turns) so far.
+    /// Number of heartbeats (turns) so far.
     pub turns: u64,
     /// Time since the last turn, ns.
     pub age_ns: u64,

@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 use super::is_active;
 
 impl TopicEnd {
-    /// Returns true while its net is evaluated in each cycle.
+    /// Returns true while the command is `running` or `canceling`.
     #[must_use]
     pub fn is_active(&self) -> bool {
         is_active(&self.state)

@@ -68,7 +68,7 @@ pub(super) fn motion(
             "remove `arm_angle` and `elbow`".to_owned(),
         ),
         MotionFault::NoBranch => (
-            "it gives a `branch`, but the inverse kinematics of a serial arm is numeric and has no branches"
+            "it gives a `branch`, but the inverse kinematics of this arm is numeric and has no branches"
                 .to_owned(),
             "remove `branch`: the joint positions reached soonest are selected; or give the joint positions"
                 .to_owned(),
@@ -80,7 +80,7 @@ pub(super) fn motion(
         ),
         MotionFault::NoStatus => (
             "it gives a `status`, which is defined only for KUKA's arms with six joints".to_owned(),
-            "for seven joints give the `branch` instead (`ArmAngle` computes it from joint positions); for a serial arm nothing"
+            "for seven joints give the `branch` instead (`ArmAngle` computes it from joint positions); for an arm with numeric inverse kinematics nothing"
                 .to_owned(),
         ),
         MotionFault::NotAtRest => (

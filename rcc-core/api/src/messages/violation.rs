@@ -163,6 +163,7 @@ pub(super) fn first_set_point(
             | ViolationKind::Damping
             | ViolationKind::Added,
         ) => impedance::STAY_WITHIN,
+        Some(ViolationKind::Range) => WITHIN_ITS_LIMITS,
         _ => START_AT_HOLD,
     };
     (
@@ -174,6 +175,9 @@ pub(super) fn first_set_point(
 
 const START_AT_HOLD: &str = "start where the device is held (a motion without `from` does so, wherever that is at START), or bring the device \
                 to where the net starts; there is deliberately no flag to skip this check";
+
+const WITHIN_ITS_LIMITS: &str = "move the arm within its joint limits at its own controller, start the net within them, or correct the limits in \
+                the robot's file";
 
 /// Formats an angle, or with `per` a rate: `30.000°/s (0.523599 rad/s)`.
 pub(super) fn angle(rad: f64, per: &str) -> String {

@@ -345,7 +345,8 @@ pub fn smooth_speed(peaks: &[LimitPeak; 3]) -> f64 {
     (1.0 / v).min(1.0 / a.sqrt()).min(1.0 / j.cbrt())
 }
 
-/// The speed factor at which a motion whose velocity jumps would keep the limits: all scale with it.
+/// The speed factor at which a motion whose velocity jumps would keep the limits: after a step in velocity, the differences
+/// of all orders are proportional to the speed.
 pub fn abrupt_speed(peaks: &[LimitPeak; 3]) -> f64 {
     let highest = peaks
         .iter()

@@ -17,7 +17,7 @@ use crate::cell::Cell;
 
 use super::{append_to, opened};
 
-/// Maximum interval between two calls of `turn`, the thread's sign of life.
+/// Maximum interval between two calls of `turn`, the thread's heartbeat.
 const TURN_EVERY: Duration = Duration::from_millis(200);
 /// How long the drop of the last handle waits for queued events.
 const FAREWELL: Duration = Duration::from_secs(2);

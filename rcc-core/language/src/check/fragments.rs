@@ -100,11 +100,10 @@ pub fn outputs_read_outside_a_region_can_become_null(
             .get(region)
             .map_or("", |region| &region.id.name);
         let message = format!(
-            "`{name}` is read outside of its region, and would not become null while `{around}` is not active"
+            "`{name}` is read outside of `{around}`, and would not become null while `{around}` is not active"
         );
         let diagnostic = Diagnostic::error(codes::NEVER_NULL, link.span, message);
-        diagnostics
-            .push(diagnostic.help("read it only within the region, or move it out of the region"));
+        diagnostics.push(diagnostic.help("read it only inside that instance, or move it out"));
     };
     for item in &graph.items {
         for (_, link) in item.links() {

@@ -272,7 +272,7 @@ pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, diagnostics: &mut Vec<D
 }
 
 /// Warns if a net commands an arm and has no `Cancel`.
-pub fn commands_can_be_cancelled(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+pub fn commands_can_be_canceled(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let commands = of_role(net, Role::CommandsArm).next();
     let can_cancel = of_role(net, Role::Cancel).next().is_some();
     if let (Some(item), false) = (commands, can_cancel || net.graph.has_unknown_types) {

@@ -39,7 +39,7 @@ fn flanges(harness: &NetHarness, cell: &CellConfig) -> Option<[Pose; 2]> {
     Some([flange(0)?, flange(1)?])
 }
 
-/// Runs the net, cancelled in this cycle, and returns the distance that the left flange covered, m.
+/// Runs the net, canceled in this cycle, and returns the distance that the left flange covered, m.
 fn carry(cancel: u64, cell: &CellConfig) -> f64 {
     let mut harness = start(cell);
     let mut first: Option<[Pose; 2]> = None;
@@ -78,7 +78,7 @@ fn both_hold_the_load_in_every_cycle_of_the_whole_line() {
 }
 
 #[test]
-fn both_hold_the_load_wherever_it_is_cancelled() {
+fn both_hold_the_load_wherever_it_is_canceled() {
     let cell = cell("configs/cells/two-arms.yaml");
     let mut before = 0.0;
     for cancel in [0, 1, 40, 150, 300, 555, 700, 900] {

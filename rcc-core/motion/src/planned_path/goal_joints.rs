@@ -19,7 +19,7 @@ const SEEDS: u32 = 32;
 /// A configuration to solve, and the joints from which a numeric inverse starts.
 type Candidate = (ArmConfiguration, Joints);
 
-/// The joints for a pose: in the given branch, or those that are reached soonest. A serial arm of seven axes keeps its
+/// The joints for a pose: in the given branch, or those that are reached soonest. A `SerialArm` of seven axes keeps its
 /// redundant joint if it can.
 pub(super) fn goal_joints(
     arm_start: ArmStart<'_>,

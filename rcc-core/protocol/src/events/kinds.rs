@@ -239,7 +239,7 @@ kinds! {
         lease: u64,
         /// Number of rules that were disarmed.
         rules: u32,
-        /// Number of commands that were cancelled or aborted.
+        /// Number of commands that were canceled or aborted.
         commands: u32,
     }
     /// The flight recorder wrote its last seconds to a file (`rcc-cli incidents`, `rcc-cli replay`).
@@ -276,7 +276,7 @@ kinds! {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         outcomes: Vec<String>,
     }
-    /// A text was refused; gives the first fault.
+    /// A LOAD was rejected by the compiler, the loader or the executor; gives the first cause.
     Rejected = "rejected", "loader", Warning {
         /// Command id.
         command: u64,

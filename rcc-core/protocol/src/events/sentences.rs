@@ -107,7 +107,9 @@ impl Event {
                     more => format!(" (and {more} more)"),
                 };
                 let net = named(*command);
-                format!("{net} rejected: {code} {words}{more}; correct the text and load it again")
+                format!(
+                    "{net} rejected: {code} {words}{more}; `rcc-cli state {command}` shows the remedy"
+                )
             }
             EventKind::Rule {
                 rule,

@@ -13,7 +13,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArmAngle",
 summary: "The arm angle and the branch of joint positions; together with the flange pose they determine the joint positions.",
-null: "a null input gives null outputs; an arm of six joints has no arm angle (null), but a branch; a serial arm has an arm angle if it has seven joints, and always branch 0",
+null: "a null input gives null outputs; an arm of six joints has no arm angle (null), but a branch; an arm with numeric inverse kinematics has an arm angle if it has seven joints, and always branch 0",
 undefined: "overflow: an infinite joint position; the arm has no arm angle",
 formula: "Shimizu et al., IEEE T-RO 24(5), 2008; branches as Faria et al., Mech. Mach. Theory 121, 2018",
 examples: &[Example::new("elbow up; a rotation of joint 1 changes neither", "{device: lwr}", "joints | angle | branch\n\
@@ -21,7 +21,7 @@ examples: &[Example::new("elbow up; a rotation of joint 1 changes neither", "{de
              [1.1, -0.5, 0, 1, 0, 0.3, 0] | 0 | 4\n\
              null | null | null"),],
 inputs: &[Port::new("joints", PortType::Joints, UnitRule::Joint(0), "joint positions, A1 first")],
-outputs: &[Port::real("angle", UnitRule::Is(Unit::RADIAN), "rotation of the elbow about the line from shoulder to wrist, 0 with the elbow up; for a serial arm of seven joints the position of its redundant joint"), Port::int("branch", "0 to 7; seven joints: bit 0 joint 2, bit 1 joint 4, bit 2 joint 6 is negative, in the model's directions; six joints: bit 0 the wrist is behind axis 1, bit 1 the forearm is bent backwards, bit 2 joint 5 is negative").within(0.0, 7.0).diagnostic()],
+outputs: &[Port::real("angle", UnitRule::Is(Unit::RADIAN), "rotation of the elbow about the line from shoulder to wrist, 0 with the elbow up; for an arm of seven joints with numeric inverse kinematics the position of its redundant joint"), Port::int("branch", "0 to 7; seven joints: bit 0 joint 2, bit 1 joint 4, bit 2 joint 6 is negative, in the model's directions; six joints: bit 0 the wrist is behind axis 1, bit 1 the forearm is bent backwards, bit 2 joint 5 is negative").within(0.0, 7.0).diagnostic()],
 parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },

@@ -17,7 +17,7 @@ use crate::primitives::start;
 use crate::types::{NULL_INT, Type};
 
 /// Description of the port with the reason for missing joints.
-pub(super) const REASON: &str = "why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse of a serial arm found none; null if the device is not an arm";
+pub(super) const REASON: &str = "why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit, 5 the numeric inverse kinematics found none; null if the device is not an arm";
 /// Description of the port with the joint at its limit.
 pub(super) const JOINT: &str =
     "first joint that would exceed its limit, from 1; 0 for any other reason";
@@ -29,7 +29,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "Joint positions for a flange pose, in the branch (and with the arm angle) of the start.",
         null: "a pose that is null, out of reach or beyond a joint limit gives null; `reason` tells which",
         undefined: "the pose is out of reach; a joint would be beyond its limit",
-        formula: "closed form; seven joints: Shimizu et al., IEEE T-RO 24(5), 2008, and Faria et al., Mech. Mach. Theory 121, 2018; six joints: Brandstötter et al., Austrian Robotics Workshop, 2014; serial arms: numeric, damped least squares in at most 40 steps, Sugihara, IEEE T-RO 27(5), 2011",
+        formula: "closed form; seven joints: Shimizu et al., IEEE T-RO 24(5), 2008, and Faria et al., Mech. Mach. Theory 121, 2018; six joints: Brandstötter et al., Austrian Robotics Workshop, 2014; other arms: numeric, damped least squares in at most 40 steps, Sugihara, IEEE T-RO 27(5), 2011",
         inputs: &[Port::typed("pose", Type::Pose, "flange in the arm's base")],
         outputs: &[
             Port::new(

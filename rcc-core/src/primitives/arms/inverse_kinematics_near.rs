@@ -28,13 +28,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "arm_angle",
                 UnitRule::Is(Unit::RADIAN),
-                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle (for a serial arm of seven joints the position of its redundant joint); ignored for an arm that has none",
+                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle (for an arm of seven joints with numeric inverse kinematics the position of its redundant joint); ignored for an arm that has none",
             ),
             Port::new(
                 "hint",
                 PortType::Joints,
                 UnitRule::Joint(0),
-                "joint positions that determine the branch (of a serial arm: from which the numeric inverse starts), the angles that aligned axes leave open, and the choice among several turns, A1 first",
+                "joint positions that determine the branch (with numeric inverse kinematics: from which it starts), the angles that aligned axes leave open, and the choice among several turns, A1 first",
             ),
         ],
         outputs: &[

@@ -1,4 +1,4 @@
-//! `LowPass`: a first-order low-pass filter, y += (x - y) · gain once per cycle.
+//! `LowPass`: a first-order low-pass filter, y += (x - y) · gain at each evaluation.
 //!
 //! For a time constant T and a period dt the gain is 1 - exp(-dt / T).
 

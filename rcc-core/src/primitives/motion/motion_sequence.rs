@@ -14,9 +14,9 @@ use crate::path::leg_row::{self, LegRow};
 use crate::path::{LEGS_MAX, Leg, LegSignals, MotionFault, MotionState, PathRequest, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, CatalogueEntry, Clock, DefaultValue, Device, Dim, ElementType, Int, Kernel, NullRule,
-    Parameter, ParameterKind, Port, PortType, Prepare, Real, Role, Slot, Spec, Step, UnitRule,
-    operands,
+    Bool, CatalogueEntry, DefaultValue, Device, Dim, ElementType, Int, Kernel, MotionIndex,
+    NullRule, Parameter, ParameterKind, Port, PortType, Prepare, Real, Role, Slot, Spec, Step,
+    UnitRule, operands,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -93,7 +93,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 .prepared_by::<MotionSequence>();
 
 /// The fault for a path with too many legs.
-pub(super) fn too_many(motion: Clock, count: u32) -> PrepareFault {
+pub(super) fn too_many(motion: MotionIndex, count: u32) -> PrepareFault {
     PrepareFault::Motion {
         motion: motion.0,
         leg: 0,
@@ -108,7 +108,7 @@ operands! {
         distance: Slot<Real>, flange_speed: Slot<Real>, flange_acceleration: Slot<Real>, leg: Slot<Int>,
         waiting: Slot<Bool>, unknown: Slot<Bool>, until_met: Slot<Bool>,
         device: Device, path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool>, stops: Slot<Int>,
-        motion: Clock, width: u32, count: u32, condition_count: u32,
+        motion: MotionIndex, width: u32, count: u32, condition_count: u32,
     }
 }
 

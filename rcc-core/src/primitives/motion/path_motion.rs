@@ -7,8 +7,8 @@ use crate::path::{
 };
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, Clock, DefaultValue, Device, Int, Parameter, ParameterKind, Port, PortType, Real, Slot,
-    UnitRule,
+    Bool, DefaultValue, Device, Int, MotionIndex, Parameter, ParameterKind, Port, PortType, Real,
+    Slot, UnitRule,
 };
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -141,7 +141,7 @@ macro_rules! motion_operands {
                 leg: $crate::primitive::Slot<$crate::primitive::Int>,
                 device: $crate::primitive::Device,
                 $($field: $kind,)+
-                motion: $crate::primitive::Clock,
+                motion: $crate::primitive::MotionIndex,
                 width: u32,
                 $($size: u32,)?
             }
@@ -226,7 +226,7 @@ pub(super) const STOPS: Parameter = Parameter::new(
 pub(super) const ARM_ANGLE: Parameter = Parameter::new(
     "arm_angle",
     ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
-    "for seven joints: arm angle at the end (of a serial arm: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides",
+    "for seven joints: arm angle at the end (with numeric inverse kinematics: position of the redundant joint), approached along the path by the shorter way; if omitted, `elbow` decides",
 )
 .default(DefaultValue::Null);
 
@@ -269,7 +269,7 @@ impl FlangeLimits {
     pub(super) fn build(
         self,
         preparation: &mut Preparation<'_>,
-        (device, motion): (Device, Clock),
+        (device, motion): (Device, MotionIndex),
         from: Option<Pose>,
         segment: PathSegment<'_>,
     ) -> Result<(), PrepareFault> {
@@ -340,7 +340,7 @@ const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
 
 impl Ports {
     /// Runs one cycle of a motion: its ports in the order of [`INPUTS`] and [`OUTPUTS`], its index, the width of `joints`.
-    pub(super) fn step(self, frame: &mut Frame<'_>, motion: Clock) -> Option<()> {
+    pub(super) fn step(self, frame: &mut Frame<'_>, motion: MotionIndex) -> Option<()> {
         self.step_leg(frame, motion, LegSignals::RUN).map(|_| ())
     }
 
@@ -348,7 +348,7 @@ impl Ports {
     pub(super) fn step_leg(
         self,
         frame: &mut Frame<'_>,
-        motion: Clock,
+        motion: MotionIndex,
         signals: LegSignals,
     ) -> Option<Option<MotionState>> {
         let speed_override = SpeedOverride {

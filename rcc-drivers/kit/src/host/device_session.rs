@@ -35,7 +35,8 @@ const PERIOD_TOLERANCE: f64 = 0.25;
 /// A silent device is offline after this number of its periods, or after `command_timeout` if that is longer.
 const SILENT_PERIODS: u64 = 5;
 
-/// For this time the reason of a lost device is kept while the device is only silent: between two attempts to reach it.
+/// Time for which the reason of a loss is shown while the device is only silent, ns: the driver is between two attempts to
+/// reach it.
 const LOST_REASON_KEPT_NS: u64 = 2_000_000_000;
 
 /// Fixed parameters of a session.
@@ -118,7 +119,7 @@ pub struct DeviceSession {
     measurement: Measurement,
     /// CLOCK_MONOTONIC of the last exchange, or of the creation.
     last_exchange_ns: u64,
-    /// CLOCK_MONOTONIC and reason of the last loss that the driver told.
+    /// CLOCK_MONOTONIC and reason of the last loss that the driver reported.
     lost: Option<(u64, u32)>,
     offline_after_ns: u64,
     /// The running executor belongs to another build or was started with another configuration of this device.
@@ -232,7 +233,8 @@ impl DeviceSession {
         }
     }
 
-    /// A set-point is one executor cycle of motion: played in other steps of the device's time, it moves at another speed.
+    /// Stores the device's period, and ends playback if it changed by more than [`PERIOD_TOLERANCE`]: a set-point covers
+    /// one executor period, so another step length would change the arm's speed.
     fn take_period(&mut self, period_s: f64) {
         let change = (period_s - self.period_s).abs();
         let changed = change > PERIOD_TOLERANCE * self.period_s;
@@ -267,9 +269,9 @@ impl DeviceSession {
         outputs
     }
 
-    /// Processes a failed exchange: the device goes offline at once if `lost` holds a reason, otherwise after a while.
-    /// An arm in motion that answers again before that while is over is brought to rest from its last set-points.
-    /// Returns true if the measurement has changed.
+    /// Processes a failed exchange: the device goes offline at once if `lost` holds a reason, otherwise after
+    /// `command_timeout` or five of its periods, whichever is longer. An arm in motion that answers again within that
+    /// time is brought to rest from its last set-points. Returns true if the measurement has changed.
     pub fn handle_link_error(&mut self, now_ns: u64, lost: Option<u32>) -> bool {
         let silent = now_ns.saturating_sub(self.last_exchange_ns) > self.offline_after_ns;
         if lost.is_none() && !silent {

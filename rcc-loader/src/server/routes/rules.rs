@@ -120,7 +120,7 @@ async fn renew(
     .await
 }
 
-/// Binds ready or active commands to a lease: when it is lost, they are cancelled, or aborted if they cannot be.
+/// Binds ready or active commands to a lease: when it is lost, they are canceled, or aborted if they cannot be.
 #[cfg_attr(test, utoipa::path(post, path = "/leases/{lease}/commands", operation_id = "bindLease", tag = "rules", params(("lease" = u64, Path, description = "number of the lease")),
     request_body(content = LeaseCommands),
     responses((status = 200, body = LeaseDone), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody))))]

@@ -145,8 +145,8 @@ impl DeviceSession {
         self.step_to_rest(exchange);
     }
 
-    /// The net no longer commands, from cycle `entry` on: ends at its last set-point if the arm is slow, or if a long exchange
-    /// has gone over its last set-points and these come to rest; otherwise starts a stop.
+    /// The net no longer commands, from cycle `entry` on: ends at its last set-point if the arm is slow, or if one exchange
+    /// spans several set-points and the last two of the net are slow; otherwise starts a stop.
     fn end_released(&mut self, entry: u64, exchange: &Exchange) {
         let SessionPhase::Following(playback) = &mut self.phase else {
             return;

@@ -252,7 +252,7 @@ impl Playback {
         self.net.start_blend.is_over() && self.net.guard.check(last, dt_s).is_ok()
     }
 
-    /// Returns the way to rest from the motion of the last set-points, in steps of `period_s` (s); `None` if a value is
+    /// Returns the stop trajectory from the motion of the last set-points, in steps of `period_s` (s); `None` if a value is
     /// not finite.
     pub(super) fn stop_trajectory(
         &self,

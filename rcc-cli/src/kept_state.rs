@@ -11,33 +11,33 @@ use crate::output::print_note;
 
 /// A cell and its state folder.
 #[derive(Clone, Debug)]
-pub struct Evidence {
+pub struct KeptState {
     /// The cell, unless it has ended.
     pub cell: Option<Cell>,
     /// Its state folder.
     pub state: StateFolder,
 }
 
-impl Evidence {
-    /// Finds the evidence of the context's cell.
+impl KeptState {
+    /// Finds the state folder of the context's cell.
     ///
     /// # Errors
     /// Fails if no such cell runs and its state folder does not exist, or if the cell belongs to another user.
-    pub fn find(context: &Context) -> Result<Evidence, Failure> {
+    pub fn find(context: &Context) -> Result<KeptState, Failure> {
         let name = context.cell_name();
         let kept = || StateFolder::find(name);
         match Cell::find(name) {
-            Ok(Some(cell)) => Ok(Evidence {
+            Ok(Some(cell)) => Ok(KeptState {
                 // A cell of an older build has no state folder yet.
                 state: cell.state(),
                 cell: Some(cell),
             }),
             Ok(None) => kept()
-                .map(|state| Evidence { cell: None, state })
+                .map(|state| KeptState { cell: None, state })
                 .ok_or_else(|| nothing_kept(name)),
-            // The running cell of that name is somebody else's; the evidence may be ours.
+            // The running cell of that name is somebody else's; the state folder may be ours.
             Err(error @ CellError::NotOurs { .. }) => kept()
-                .map(|state| Evidence { cell: None, state })
+                .map(|state| KeptState { cell: None, state })
                 .ok_or_else(|| cell_failure(&error)),
             Err(error) => Err(cell_failure(&error)),
         }
