@@ -232,7 +232,11 @@ impl BenchExecutor {
         };
         for answer in [
             self.ask(|ticket| EngineRequest::Install { ticket, id, net })?,
-            self.ask(|ticket| EngineRequest::Start { ticket, id })?,
+            self.ask(|ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            })?,
         ] {
             if !matches!(answer, Answer::Done { .. }) {
                 return Err(BenchExecutorError::Answer(Some(Box::new(answer))));

@@ -233,6 +233,7 @@ pub fn run(
     cell.order(EngineRequest::Start {
         ticket: START,
         id: ID,
+        lease: 0,
     })?;
     let mut trace = MonitorTrace::new(names);
     if let Some(out) = &mut table {

@@ -267,7 +267,7 @@ impl Intake {
                 source: BuildSource::Encoded(request.take_bytes()),
                 snapshot: self.drivers.snapshot(),
             };
-            return self.build(build_request, request);
+            return self.build(build_request, None, request);
         }
         let call = match wire::decode::<Call>(request.bytes()) {
             Ok(call) => call,
@@ -303,7 +303,7 @@ impl Intake {
         let engine_request = match call {
             Call::Reserve => EngineRequest::Reserve { ticket },
             Call::Reject { id } => EngineRequest::Reject { ticket, id },
-            Call::Start { id } => {
+            Call::Start { id, lease } => {
                 let snapshot = self.drivers.snapshot();
                 if let Some(source) = self.rebuild_source(id, &snapshot) {
                     let build_request = BuildRequest {
@@ -312,18 +312,19 @@ impl Intake {
                         source,
                         snapshot,
                     };
-                    return self.build(build_request, request);
+                    return self.build(build_request, Some(lease), request);
                 }
                 on_done = OnDone::Started(vec![id], None);
-                EngineRequest::Start { ticket, id }
+                EngineRequest::Start { ticket, id, lease }
             }
-            Call::Switch { stop, start } => match (id_list(&stop), id_list(&start)) {
+            Call::Switch { stop, start, lease } => match (id_list(&stop), id_list(&start)) {
                 (Some(stop), Some(list)) => {
                     on_done = OnDone::Started(start, None);
                     EngineRequest::Handover {
                         ticket,
                         stop,
                         start: list,
+                        lease,
                     }
                 }
                 _ => {
@@ -393,7 +394,7 @@ impl Intake {
                     source: BuildSource::Plan(Box::new(plan)),
                     snapshot: self.drivers.snapshot(),
                 };
-                return self.build(build_request, request);
+                return self.build(build_request, None, request);
             }
         };
         self.submit(
@@ -476,7 +477,7 @@ fn until_answer(status: &CycleStatus, now_ns: u64) -> Duration {
 fn stops_only(call: &Call) -> Option<Vec<u64>> {
     match call {
         Call::Cancel { id } | Call::Abort { id } => Some(vec![*id]),
-        Call::Switch { stop, start } if start.is_empty() => Some(stop.clone()),
+        Call::Switch { stop, start, .. } if start.is_empty() => Some(stop.clone()),
         _ => None,
     }
 }
@@ -484,13 +485,13 @@ fn stops_only(call: &Call) -> Option<Vec<u64>> {
 /// Returns the commands that a call changes, except the one that an Install creates.
 fn commands_of(call: &Call) -> Vec<u64> {
     match call {
-        Call::Start { id }
+        Call::Start { id, .. }
         | Call::Cancel { id }
         | Call::Abort { id }
         | Call::Unload { id }
         | Call::Set { id, .. }
         | Call::Reject { id } => vec![*id],
-        Call::Switch { stop, start } => [&stop[..], start].concat(),
+        Call::Switch { stop, start, .. } => [&stop[..], start].concat(),
         Call::BindLease { commands, .. } => commands.clone(),
         Call::InstallRules { rules } => rules.iter().flat_map(|rule| rule.rule.targets()).collect(),
         _ => Vec::new(),

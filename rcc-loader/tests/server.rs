@@ -156,7 +156,7 @@ fn a_refused_plan_reports_the_executors_reason_with_names() {
     );
     // START of what is rejected gives that reason as well.
     let refused = service
-        .operate(&without_deadline(), &id.to_string(), Operation::Start)
+        .operate(&without_deadline(), &id.to_string(), Operation::START)
         .expect_err("rejected");
     assert_eq!(refused.code.code, codes::WRONG_STATE.code);
     assert!(
@@ -258,7 +258,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     );
     let last = executor.seen.lock().expect("seen").calls.last().cloned();
     assert!(
-        matches!(&last, Some(Call::Switch { stop, start }) if *stop == [3] && *start == [4, 5]),
+        matches!(&last, Some(Call::Switch { stop, start, .. }) if *stop == [3] && *start == [4, 5]),
         "{last:?}"
     );
     let nothing = service
@@ -330,8 +330,9 @@ fn a_hand_over_can_be_requested_with_start_or_alone() {
     let switch = |stop: u64, start: u64| Call::Switch {
         stop: vec![stop],
         start: vec![start],
+        lease: 0,
     };
-    let wanted = [switch(1, 2), switch(2, 3), Call::Start { id: 4 }];
+    let wanted = [switch(1, 2), switch(2, 3), Call::Start { id: 4, lease: 0 }];
     assert_eq!(format!("{calls:?}"), format!("{wanted:?}"));
 }
 
@@ -360,7 +361,7 @@ fn an_operation_applies_to_the_newest_suitable_net_of_a_name() {
     );
     assert_eq!(
         service
-            .operate(&without_deadline(), "line", Operation::Start)
+            .operate(&without_deadline(), "line", Operation::START)
             .map(|done| done.id),
         Ok(4)
     );

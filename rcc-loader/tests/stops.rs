@@ -90,7 +90,7 @@ fn requests_by_name_need_no_file() {
             .map(|done| done.net)
     };
     assert_eq!(done("weld", Operation::Abort), Ok("weld".to_owned()));
-    assert_eq!(done("line", Operation::Start), Ok("line".to_owned()));
+    assert_eq!(done("line", Operation::START), Ok("line".to_owned()));
     assert_eq!(
         service
             .detail("lamp", false)
@@ -131,7 +131,7 @@ fn a_request_that_was_given_up_is_not_started_but_an_abort_is() {
     let executor = commands(&test, &rows);
     let service = service(&test.cell);
     let over = Caller::until(Some(Instant::now()));
-    let start = service.operate(&over, "lamp", Operation::Start);
+    let start = service.operate(&over, "lamp", Operation::START);
     assert_eq!(start.map_err(|error| error.code), Err(codes::GIVEN_UP));
     assert_eq!(executor.count(is_start), 0);
     let abort = service.operate(&over, "weld", Operation::Abort);
@@ -169,7 +169,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
     assert_eq!((status, &body["code"]), (504, &"RCC4022".into()), "{body}");
     assert_eq!(ask(&test.cell, "POST /commands/3/start", b"").0, 200);
     let starts =
-        |id: u64| executor.count(|call| matches!(call, Call::Start { id: of } if *of == id));
+        |id: u64| executor.count(|call| matches!(call, Call::Start { id: of, .. } if *of == id));
     assert_eq!((starts(3), starts(4)), (2, 0));
 }
 

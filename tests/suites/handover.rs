@@ -149,7 +149,11 @@ fn cycle_of(answer: &Answer) -> Option<u64> {
 fn take_over(control: &Control, old: u64, new: u64, refusals: &mut u32) -> Option<u64> {
     loop {
         let (stop, start) = (vec![old], vec![new]);
-        match control.call(&Call::Switch { stop, start }) {
+        match control.call(&Call::Switch {
+            stop,
+            start,
+            lease: 0,
+        }) {
             Answer::Done { cycle } => return Some(cycle),
             Answer::RefusedFor {
                 id,
@@ -177,7 +181,7 @@ fn a_moving_arm_is_handed_over_only_where_the_next_net_continues_its_motion() {
     let (watch, arm) = (cell.watch(), Arm::of(&cell));
     let old = install(&control, nets::START[0]);
     let first = await_some("the arm to be ready", || {
-        cycle_of(&control.call(&Call::Start { id: old }))
+        cycle_of(&control.call(&Call::Start { id: old, lease: 0 }))
     });
     let mut refusals = 0;
     let (new, from, cycle) = await_some("a hand-over in motion", || {

@@ -172,7 +172,7 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
         // An accepted plan has passed the check: it may run, and can be ended.
         if matches!(answer, Answer::Done { .. } | Answer::Rehearsed { .. })
             && let Answer::Done { .. } | Answer::Rehearsed { .. } =
-                control.call(&Call::Start { id })
+                control.call(&Call::Start { id, lease: 0 })
         {
             control.call(&Call::Abort { id });
         }

@@ -43,7 +43,8 @@ primitives:
     type: MotionSequence
     parameters:
       device: lwr
-      time_optimal: {{stops: give}}
+      time_optimal: true
+      stops: give
       path:
 {legs}        - {{lin: {{xyz: [0, 0, 20 mm], rpy: [0, 0, 0]}}, relative: base}}
     inputs: {{stop: cancel.requested}}

@@ -58,7 +58,11 @@ fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
         Ok(net) => harness.install(net).unwrap_or(0),
         Err(_) => 0,
     };
-    harness.ask(|ticket| EngineRequest::Start { ticket, id });
+    harness.ask(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     for _ in 0..STEPS_MAX {
         if bytes.is_empty() {
             break;

@@ -27,7 +27,11 @@ pub fn run(data: &[u8]) {
                 Err(_) => {}
                 Ok(net) => {
                     let id = harness.install(net).unwrap_or(0);
-                    harness.ask(|ticket| EngineRequest::Start { ticket, id });
+                    harness.ask(|ticket| EngineRequest::Start {
+                        ticket,
+                        id,
+                        lease: 0,
+                    });
                     (0..CYCLES).for_each(|_| harness.step());
                     harness.ask(|ticket| EngineRequest::Cancel { ticket, id });
                     (0..CYCLES).for_each(|_| harness.step());

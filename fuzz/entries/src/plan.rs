@@ -30,7 +30,11 @@ pub(crate) fn run_plan(plan: PlanData, bytes: &mut Unstructured<'_>) {
         Ok(net) => harness.install(net).unwrap_or(0),
         Err(_) => 0,
     };
-    harness.ask(|ticket| EngineRequest::Start { ticket, id });
+    harness.ask(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     for _ in 0..CYCLES {
         if !bytes.is_empty() {
             // Missing bytes read as 0: no event.
@@ -279,7 +283,11 @@ pub(crate) fn apply_event(
         2 => harness.attached = false,
         3 => harness.honest = false,
         4 => drop(harness.ask(|ticket| EngineRequest::Cancel { ticket, id })),
-        5 => drop(harness.ask(|ticket| EngineRequest::Start { ticket, id })),
+        5 => drop(harness.ask(|ticket| EngineRequest::Start {
+            ticket,
+            id,
+            lease: 0,
+        })),
         6 => {
             harness.measured[device].state =
                 bytes.int_in_range(0..=DeviceState::ALL.len() as u32)?

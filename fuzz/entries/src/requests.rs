@@ -54,7 +54,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
             let plan = bytes.choose(&shipped().plans)?.clone();
             Call::Install { id, plan }
         }
-        5 => Call::Start { id },
+        5 => Call::Start { id, lease: 0 },
         6 => bytes
             .choose(&[
                 Call::Cancel { id },
@@ -62,6 +62,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
                 Call::Switch {
                     stop: vec![id],
                     start: vec![id + 1],
+                    lease: 0,
                 },
                 Call::Unload { id },
                 Call::Reject { id },
@@ -135,8 +136,10 @@ fn obey(harness: &mut EngineHarness, call: Call) {
     let answer = match call {
         Call::Reserve => harness.ask(|ticket| EngineRequest::Reserve { ticket }),
         Call::Reject { id } => harness.ask(|ticket| EngineRequest::Reject { ticket, id }),
-        Call::Start { id } => harness.ask(|ticket| EngineRequest::Start { ticket, id }),
-        Call::Switch { stop, start } => {
+        Call::Start { id, lease } => {
+            harness.ask(|ticket| EngineRequest::Start { ticket, id, lease })
+        }
+        Call::Switch { stop, start, lease } => {
             let named = |ids: &[u64]| {
                 let mut list = [0; SWITCH_MAX];
                 list.iter_mut()
@@ -149,6 +152,7 @@ fn obey(harness: &mut EngineHarness, call: Call) {
                 ticket,
                 stop,
                 start,
+                lease,
             })
         }
         Call::Set { id, values } => harness.ask(|ticket| EngineRequest::Set { ticket, id, values }),

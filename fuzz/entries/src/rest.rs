@@ -254,7 +254,7 @@ impl FakeExecutorState {
             }
             Call::Install { id, .. } => (id, CommandState::Ready),
             Call::Reject { id } => (id, CommandState::Rejected),
-            Call::Start { id } | Call::Cancel { id } => (id, CommandState::Running),
+            Call::Start { id, .. } | Call::Cancel { id } => (id, CommandState::Running),
             Call::Abort { id } => (id, CommandState::Terminated),
             Call::Unload { id } => (id, CommandState::None),
             Call::Record => return Answer::Done { cycle: 8 },

@@ -94,6 +94,7 @@ pub fn run(
             ticket: START,
             stop: [0; SWITCH_MAX],
             start,
+            lease: 0,
         })?;
     }
     let mut events = Vec::new();

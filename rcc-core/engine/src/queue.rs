@@ -34,13 +34,15 @@ pub enum EngineRequest<B: DeviceBoards = VirtualBoards> {
     Renew { id: u64, net: Box<Net> },
     /// Makes a loading command rejected.
     Reject { ticket: u64, id: u64 },
-    /// START.
-    Start { ticket: u64, id: u64 },
-    /// Hand-over: stops and starts commands between the same two cycles, or changes nothing; unused ids are 0.
+    /// START. From then on the command is bound to `lease`; 0: to that to which it is bound already, if any.
+    Start { ticket: u64, id: u64, lease: u64 },
+    /// Hand-over: stops and starts commands between the same two cycles, or changes nothing; unused ids are 0. `lease` as
+    /// for START.
     Handover {
         ticket: u64,
         stop: [u64; SWITCH_MAX],
         start: [u64; SWITCH_MAX],
+        lease: u64,
     },
     /// CANCEL.
     Cancel { ticket: u64, id: u64 },

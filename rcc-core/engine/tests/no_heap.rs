@@ -89,7 +89,15 @@ fn values_between_nets_make_no_heap_operation() {
     let takes = fixture.load(subscribing_net(topic, Rate::EVERY_CYCLE, 3));
     let ticket = 0;
     for id in [takes, gives, again] {
-        execute(&mut fixture, |_| EngineRequest::Start { ticket, id }, 20);
+        execute(
+            &mut fixture,
+            |_| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            20,
+        );
     }
     execute(
         &mut fixture,
@@ -98,7 +106,11 @@ fn values_between_nets_make_no_heap_operation() {
     );
     execute(
         &mut fixture,
-        |_| EngineRequest::Start { ticket, id: again },
+        |_| EngineRequest::Start {
+            ticket,
+            id: again,
+            lease: 0,
+        },
         20,
     );
     let shown = fixture.read(takes, &[]).expect("it runs");
@@ -112,7 +124,11 @@ fn a_whole_life_cycle_makes_no_heap_operation() {
         let id = fixture.load(line_net());
         execute(
             &mut fixture,
-            |ticket| EngineRequest::Start { ticket, id },
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
             300,
         );
         execute(
@@ -144,7 +160,11 @@ fn the_flight_recorder_makes_no_heap_operation() {
         let id = fixture.load(line_net());
         execute(
             &mut fixture,
-            |ticket| EngineRequest::Start { ticket, id },
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
             300,
         );
         execute(&mut fixture, |ticket| EngineRequest::Record { ticket }, 300);
@@ -178,7 +198,11 @@ fn loading_while_another_net_runs_makes_no_heap_operation() {
     let first = fixture.load(output_net(0));
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id: first },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: first,
+            lease: 0,
+        },
         10,
     );
     let Answer::Reserved { id } = fixture.ask(|ticket| EngineRequest::Reserve { ticket }) else {
@@ -203,18 +227,30 @@ fn refusals_and_faults_make_no_heap_operation() {
     fixture.driver.measurement.hold[0] += 0.1;
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id: line },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: line,
+            lease: 0,
+        },
         3,
     );
     fixture.driver.measurement.hold = HOLD;
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id: holder },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: holder,
+            lease: 0,
+        },
         3,
     );
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id: rival },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: rival,
+            lease: 0,
+        },
         3,
     );
     execute(
@@ -224,12 +260,20 @@ fn refusals_and_faults_make_no_heap_operation() {
     );
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id: 12345 },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: 12345,
+            lease: 0,
+        },
         3,
     );
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id: line },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: line,
+            lease: 0,
+        },
         100,
     );
     fixture.driver.alive = false;
@@ -286,7 +330,11 @@ fn setting_and_reading_values_makes_no_heap_operation() {
         if round == 3 {
             execute(
                 &mut fixture,
-                |ticket| EngineRequest::Start { ticket, id },
+                |ticket| EngineRequest::Start {
+                    ticket,
+                    id,
+                    lease: 0,
+                },
                 3,
             );
         }
@@ -309,7 +357,11 @@ fn an_unreachable_pose_and_null_inputs_make_no_heap_operation() {
     let id = fixture.load(plan.data);
     execute(
         &mut fixture,
-        |ticket| EngineRequest::Start { ticket, id },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id,
+            lease: 0,
+        },
         100,
     );
     fixture.driver.measurement.state = DeviceState::Online as u32;
@@ -337,12 +389,20 @@ fn live(fixture: &mut EngineFixture) {
     let [lamp, other, endless] = outputs;
     execute(
         fixture,
-        |ticket| EngineRequest::Start { ticket, id: lamp },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: lamp,
+            lease: 0,
+        },
         10,
     );
     execute(
         fixture,
-        |ticket| EngineRequest::Start { ticket, id: line },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: line,
+            lease: 0,
+        },
         150,
     );
     execute(
@@ -358,6 +418,7 @@ fn live(fixture: &mut EngineFixture) {
             ticket,
             stop,
             start,
+            lease: 0,
         }
     };
     execute(fixture, switch(&[lamp], &[other, stay, endless]), 50);
@@ -369,7 +430,11 @@ fn live(fixture: &mut EngineFixture) {
     assert_eq!(fixture.state(again), CommandState::Running);
     execute(
         fixture,
-        |ticket| EngineRequest::Start { ticket, id: 12345 },
+        |ticket| EngineRequest::Start {
+            ticket,
+            id: 12345,
+            lease: 0,
+        },
         5,
     );
     execute(fixture, |ticket| EngineRequest::Record { ticket }, 5);
@@ -441,7 +506,15 @@ fn with_example_nets(live: impl Fn(&str, &mut EngineFixture, u64)) {
 #[test]
 fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
     with_example_nets(|name, fixture, id| {
-        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 300);
+        execute(
+            fixture,
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            300,
+        );
         assert_ne!(fixture.state(id), CommandState::Ready, "{name} runs");
         // Changing conditions while a net runs: forces, inputs that change, and unknown ones.
         for force in [20.0, -20.0, f64::NAN, 0.0] {
@@ -451,7 +524,15 @@ fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
                 other.digital_known = !other.digital_known;
                 other.analog = [force; 16];
             }
-            execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 50);
+            execute(
+                fixture,
+                |ticket| EngineRequest::Start {
+                    ticket,
+                    id,
+                    lease: 0,
+                },
+                50,
+            );
         }
         execute(fixture, |ticket| EngineRequest::Cancel { ticket, id }, 3000);
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
@@ -463,13 +544,37 @@ fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
 #[test]
 fn no_example_net_makes_a_heap_operation_to_its_end_or_through_a_fault() {
     with_example_nets(|_, fixture, id| {
-        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 5000);
+        execute(
+            fixture,
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            5000,
+        );
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
     });
     with_example_nets(|name, fixture, id| {
-        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        execute(
+            fixture,
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            100,
+        );
         fixture.driver.alive = false;
-        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        execute(
+            fixture,
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            100,
+        );
         fixture.driver.alive = true;
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
         assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
@@ -477,9 +582,25 @@ fn no_example_net_makes_a_heap_operation_to_its_end_or_through_a_fault() {
     with_example_nets(|name, fixture, id| {
         // Refused because the arm is elsewhere; then too many late cycles.
         fixture.driver.measurement.hold[0] += 0.1;
-        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 3);
+        execute(
+            fixture,
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            3,
+        );
         fixture.driver.measurement.hold = DEMO_START;
-        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        execute(
+            fixture,
+            |ticket| EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            },
+            100,
+        );
         let late = operations(|| (0..10).for_each(|_| fixture.engine.account(1, 5_000_000, 5)));
         assert_eq!(late, 0, "{name}");
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
@@ -514,7 +635,11 @@ fn rules_and_leases_make_no_heap_operation() {
     );
     execute(
         &mut fixture,
-        |_| EngineRequest::Start { ticket, id: arm },
+        |_| EngineRequest::Start {
+            ticket,
+            id: arm,
+            lease: 0,
+        },
         10,
     );
     let rule = |term: RuleTerm, stop: u64, start: u64| {

@@ -189,6 +189,8 @@ pub enum Call {
     Start {
         /// Command id.
         id: u64,
+        /// The lease to which it is bound from then on; 0: as it is bound already, if it is.
+        lease: u64,
     },
     /// Hand-over: stops some commands and starts others between the same two cycles, or changes nothing.
     Switch {
@@ -197,6 +199,8 @@ pub enum Call {
         stop: Vec<u64>,
         /// Ids of ready commands, at most [`SWITCH_MAX`].
         start: Vec<u64>,
+        /// The lease to which the commands that start are bound from then on, as for START.
+        lease: u64,
     },
     /// CANCEL.
     Cancel {

@@ -120,10 +120,14 @@ fn calls() -> Vec<Vec<u8>> {
     let all = [
         Call::Reserve,
         Call::Install { id: 1, plan },
-        Call::Start { id: u64::MAX },
+        Call::Start {
+            id: u64::MAX,
+            lease: 3,
+        },
         Call::Switch {
             stop: vec![1, 2],
             start: vec![3],
+            lease: 4,
         },
         Call::Set {
             id: 4,

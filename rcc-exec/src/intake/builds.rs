@@ -18,7 +18,10 @@ pub(super) enum BuildState {
     /// LOAD.
     New,
     /// START: an arm rests elsewhere than at LOAD.
-    ForStart,
+    ForStart {
+        /// The lease of the START; 0: none.
+        lease: u64,
+    },
     /// A START that a CANCEL or ABORT has withdrawn.
     Withdrawn,
 }
@@ -43,12 +46,12 @@ impl Intake {
     /// that would start the command, or that has a rule which starts something and names it.
     pub(super) fn withdraw(&mut self, id: u64) {
         match self.building.get_mut(&id) {
-            Some(state @ BuildState::ForStart) => *state = BuildState::Withdrawn,
+            Some(state @ BuildState::ForStart { .. }) => *state = BuildState::Withdrawn,
             Some(BuildState::Withdrawn) => {}
             Some(BuildState::New) | None => return,
         }
         let starts = |call: &Call| match call {
-            Call::Start { id: other } => *other == id,
+            Call::Start { id: other, .. } => *other == id,
             Call::Switch { start, .. } => start.contains(&id),
             Call::InstallRules { rules } => {
                 let mut rules = rules.iter().map(|new| &new.rule);
@@ -73,15 +76,19 @@ impl Intake {
         }
     }
 
-    /// Submits a net to be built; the request stays pending.
-    pub(super) fn build(&mut self, build_request: BuildRequest, request: Request) {
+    /// Submits a net to be built, for a START with this lease or for LOAD; the request stays pending.
+    pub(super) fn build(
+        &mut self,
+        build_request: BuildRequest,
+        start: Option<u64>,
+        request: Request,
+    ) {
         let (ticket, id) = (build_request.ticket, build_request.id);
-        let rebuild = matches!(build_request.source, BuildSource::Rebuild(..));
         match self.net_builder.submit(build_request) {
             Ok(()) => {
                 let state = self.building.entry(id).or_insert(BuildState::New);
-                if rebuild {
-                    *state = BuildState::ForStart;
+                if let Some(lease) = start {
+                    *state = BuildState::ForStart { lease };
                 }
                 let on_done = OnDone::Nothing;
                 self.pending
@@ -99,9 +106,10 @@ impl Intake {
             rebuild,
             net,
         } = outcome;
-        let net = match self.building.remove(&id) {
-            Some(BuildState::Withdrawn) => Err(Refusal::Withdrawn),
-            _ => net,
+        let (net, lease) = match self.building.remove(&id) {
+            Some(BuildState::Withdrawn) => (Err(Refusal::Withdrawn), 0),
+            Some(BuildState::ForStart { lease }) => (net, lease),
+            Some(BuildState::New) | None => (net, 0),
         };
         let pending = self.pending.remove(&ticket);
         if let Some(PendingRequest { request, .. }) = pending {
@@ -112,7 +120,7 @@ impl Intake {
             };
             match net {
                 Ok((net, rehearsed)) if rebuild => {
-                    self.start_rebuilt(ticket, id, net, rehearsed, request)
+                    self.start_rebuilt((ticket, id, lease), net, rehearsed, request)
                 }
                 Ok((net, rehearsed)) => {
                     let ready = ReadyCommand {
@@ -148,8 +156,7 @@ impl Intake {
     /// Starts a command whose net was rebuilt: the new net replaces the one that was ready.
     fn start_rebuilt(
         &mut self,
-        ticket: u64,
-        id: u64,
+        (ticket, id, lease): (u64, u64, u64),
         net: Box<Net>,
         rehearsed: Option<RehearsalReport>,
         request: Request,
@@ -167,7 +174,7 @@ impl Intake {
             ready.origin = origin;
         }
         let on_done = OnDone::Started(vec![id], rehearsed);
-        let engine_request = EngineRequest::Start { ticket, id };
+        let engine_request = EngineRequest::Start { ticket, id, lease };
         self.submit(
             engine_request,
             Some((ticket, PendingRequest { request, on_done })),

@@ -93,7 +93,10 @@ pub struct DetailedCommand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// START.
-    Start,
+    Start {
+        /// The lease to which the command is bound from then on; 0: as it is bound already, if it is.
+        lease: u64,
+    },
     /// CANCEL.
     Cancel,
     /// ABORT.
@@ -103,10 +106,13 @@ pub enum Operation {
 }
 
 impl Operation {
+    /// START without a lease.
+    pub const START: Operation = Operation::Start { lease: 0 };
+
     /// Returns true for the states in which the operation has an effect.
     fn suits(self, state: CommandState) -> bool {
         match self {
-            Operation::Start => state == CommandState::Ready,
+            Operation::Start { .. } => state == CommandState::Ready,
             Operation::Cancel | Operation::Abort => state.is_active(),
             Operation::Unload => !state.is_active(),
         }
@@ -116,7 +122,7 @@ impl Operation {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Operation::Start => "START",
+            Operation::Start { .. } => "START",
             Operation::Cancel => "CANCEL",
             Operation::Abort => "ABORT",
             Operation::Unload => "UNLOAD",
@@ -125,7 +131,7 @@ impl Operation {
 
     fn call(self, id: u64) -> Call {
         match self {
-            Operation::Start => Call::Start { id },
+            Operation::Start { lease } => Call::Start { id, lease },
             Operation::Cancel => Call::Cancel { id },
             Operation::Abort => Call::Abort { id },
             Operation::Unload => Call::Unload { id },
@@ -333,12 +339,12 @@ impl Service {
     ) -> Result<Done, ApiError> {
         let (attached, store) = self.attach()?;
         done("attach");
-        if operation == Operation::Start {
+        if matches!(operation, Operation::Start { .. }) {
             self.require_agreement(&attached)?;
         }
         let tables = || match operation {
             Operation::Cancel | Operation::Abort => attached.tables_for_stop(),
-            Operation::Start | Operation::Unload => attached.tables(),
+            Operation::Start { .. } | Operation::Unload => attached.tables(),
         };
         let id = self.resolve(tables, &store, name, |state| operation.suits(state))?;
         let net = self.net(&store, id);

@@ -53,7 +53,7 @@ pub struct CallLog {
     pub holds: bool,
 }
 
-/// A lease that ends as soon as a command is bound to it.
+/// A lease that has ended when START arrives.
 pub const LEASE_ENDING: u64 = 5;
 
 /// The fake executor; it ends when dropped.
@@ -250,17 +250,17 @@ impl State {
                 }
             }
             Call::Reject { id } => self.set(id, CommandState::Rejected),
-            Call::Start { id } if self.is_bound_to_ended(id) => {
-                let lease = LEASE_ENDING;
-                Answer::Refused(Refusal::LeaseEnded { lease })
-            }
-            Call::Start { id } => match self.row(id).map(|row| row.state) {
+            Call::Start {
+                lease: lease @ LEASE_ENDING,
+                ..
+            } => Answer::Refused(Refusal::LeaseEnded { lease }),
+            Call::Start { id, .. } => match self.row(id).map(|row| row.state) {
                 Some(state) if state == CommandState::Rejected as u32 => {
                     Answer::Refused(Refusal::WrongState { state })
                 }
                 _ => self.set(id, CommandState::Running),
             },
-            Call::Switch { stop, start } => {
+            Call::Switch { stop, start, .. } => {
                 for id in stop {
                     self.set(id, CommandState::Terminated);
                 }
@@ -330,10 +330,7 @@ impl State {
             Call::RenewLease { lease: 3 } | Call::EndLease { lease: 3 } => {
                 Answer::Done { cycle: 8 }
             }
-            Call::BindLease {
-                lease: 0 | 3 | LEASE_ENDING,
-                ..
-            } => Answer::Done { cycle: 8 },
+            Call::BindLease { lease: 3, .. } => Answer::Done { cycle: 8 },
             Call::RenewLease { .. } | Call::EndLease { .. } | Call::BindLease { .. } => {
                 Answer::Refused(Refusal::Rule {
                     index: 0,
@@ -343,16 +340,6 @@ impl State {
         };
         self.board.write(&self.tables);
         answer
-    }
-
-    /// Returns true if the command was last bound to [`LEASE_ENDING`].
-    fn is_bound_to_ended(&self, id: u64) -> bool {
-        let seen = self.seen.lock().expect("seen");
-        let last = seen.calls.iter().rev().find_map(|call| match call {
-            Call::BindLease { lease, commands } if commands.contains(&id) => Some(*lease),
-            _ => None,
-        });
-        last == Some(LEASE_ENDING)
     }
 
     fn row(&mut self, id: u64) -> Option<&mut CommandEntry> {

@@ -1,8 +1,6 @@
 //! Rules and leases by name, against the fake executor.
 
-use rcc_api::bodies::{
-    CommandList, CommandRef, LeaseBody, LeaseCommands, OnClientLoss, RuleBody, RulesBody, Start,
-};
+use rcc_api::bodies::{LeaseBody, LeaseCommands, OnClientLoss, RuleBody, RulesBody, Start};
 use rcc_core::topic::Topic;
 use rcc_protocol::rules::{RULE_TEXT_MAX, Rule, RuleTerm};
 
@@ -163,12 +161,9 @@ fn a_start_that_is_refused_leaves_no_rule_and_one_with_a_lease_binds_first() {
     assert_eq!(service.rules().expect("listed").len(), 1);
     let calls = executor.seen.lock().expect("seen").calls.clone();
     let place = |wanted: &dyn Fn(&Call) -> bool| calls.iter().position(wanted).expect("called");
-    let bound = place(
-        &|call| matches!(call, Call::BindLease { lease: 3, commands } if *commands == [grip]),
-    );
     let ruled = place(&|call| matches!(call, Call::InstallRules { .. }));
-    let begun = place(&|call| matches!(call, Call::Start { .. }));
-    assert!(bound < ruled && ruled < begun);
+    let begun = place(&|call| matches!(call, Call::Start { id, lease: 3 } if *id == grip));
+    assert!(ruled < begun);
     // The lease is unknown: neither a rule nor a start.
     let lost = Start {
         lease: Some(4),
@@ -177,23 +172,22 @@ fn a_start_that_is_refused_leaves_no_rule_and_one_with_a_lease_binds_first() {
     let error = service.start(&without_deadline(), "grip", &lost);
     assert_eq!(error.expect_err("lost").code, codes::UNKNOWN_LEASE);
     assert_eq!(service.rules().expect("listed").len(), 1);
-    // The lease ends between binding and START: no rule is left, and the command is bound to nothing.
+    // The lease has ended when START arrives: no rule is left.
     let (ready, _) = loaded(&service);
     let ending = Start {
+        rules: vec![rule("true")],
         lease: Some(LEASE_ENDING),
         ..options.clone()
     };
     let error = service.start(&without_deadline(), &ready.to_string(), &ending);
     assert_eq!(error.expect_err("ended").code, codes::UNKNOWN_LEASE);
     assert_eq!(service.rules().expect("listed").len(), 1);
-    let calls = executor.seen.lock().expect("seen").calls.clone();
-    let unbinds = |call: &Call| matches!(call, Call::BindLease { lease: 0, commands } if *commands == [ready]);
-    assert!(calls.iter().any(unbinds), "{calls:?}");
     // 0 is no lease for clients.
-    let none = LeaseCommands {
-        commands: CommandList::One(CommandRef::Id(ready)),
+    let none = Start {
+        lease: Some(0),
+        ..Start::default()
     };
-    let error = service.bind_lease(&without_deadline(), 0, &none);
+    let error = service.start(&without_deadline(), &ready.to_string(), &none);
     assert_eq!(error.expect_err("no lease").code, codes::UNKNOWN_LEASE);
     // No such command any more when START arrives.
     let gone = service.start(

@@ -17,6 +17,8 @@ pub(super) enum PendingTransition {
     /// START was accepted; the first evaluation, in the net's next cycle, decides about it.
     Start {
         ticket: u64,
+        /// The lease to which the command is bound when it has started; 0: as it is bound already.
+        lease: u64,
     },
     /// The net has ended, but its arms still play the last set-points.
     Settle {
@@ -73,6 +75,14 @@ impl CommandRow {
             PendingTransition::Start { .. } => true,
             PendingTransition::Nothing => self.is_active(),
             PendingTransition::Settle { .. } => false,
+        }
+    }
+
+    /// The lease of the client for which it runs, or is about to; 0: none.
+    pub(super) fn runs_for(&self) -> u64 {
+        match self.pending {
+            PendingTransition::Start { lease, .. } if lease != 0 => lease,
+            _ => self.lease,
         }
     }
 

@@ -23,6 +23,8 @@ pub(super) struct Handover {
     pub(super) ticket: u64,
     pub(super) stop: [u64; SWITCH_MAX],
     pub(super) start: [u64; SWITCH_MAX],
+    /// The lease to which the commands that start are bound; 0: as they are bound already.
+    pub(super) lease: u64,
     pub(super) since_cycle: u64,
 }
 
@@ -59,27 +61,17 @@ pub(super) type HandoverRefusal = (u64, Refusal);
 
 impl<B: DeviceBoards> Engine<B> {
     /// Accepts a hand-over, unless another one still waits for its nets to be due.
-    pub(super) fn take_handover(
-        &mut self,
-        ticket: u64,
-        stop: [u64; SWITCH_MAX],
-        start: [u64; SWITCH_MAX],
-    ) {
-        if start == [0; SWITCH_MAX] {
-            for &id in stop.iter().filter(|id| **id != 0) {
+    pub(super) fn take_handover(&mut self, handover: Handover) {
+        if handover.start == [0; SWITCH_MAX] {
+            for &id in handover.stop.iter().filter(|id| **id != 0) {
                 self.disarm_after_stop(id);
                 self.withdraw_handover(id);
             }
         }
         if self.handover.is_some() {
-            return self.refuse_handover(ticket, (0, Refusal::Overloaded));
+            return self.refuse_handover(handover.ticket, (0, Refusal::Overloaded));
         }
-        self.handover = Some(Handover {
-            ticket,
-            stop,
-            start,
-            since_cycle: self.status.cycle,
-        });
+        self.handover = Some(handover);
     }
 
     /// A client stops this command: a hand-over that waits and names it is refused. Returns true if it would have
@@ -169,7 +161,7 @@ impl<B: DeviceBoards> Engine<B> {
             return RowSet::EMPTY;
         };
         let ticket = handover.ticket;
-        let outcome = match self.check_leases(&handover.start) {
+        let outcome = match self.check_leases(&handover) {
             Ok(()) => self.hand_over(&handover, now_ns),
             Err(refused) => HandoverOutcome::Refused(refused),
         };
@@ -178,6 +170,9 @@ impl<B: DeviceBoards> Engine<B> {
                 let cycle = self.status.cycle;
                 let answer = Answer::Done { cycle };
                 self.send_reply(EngineReply::Answer { ticket, answer });
+                for row in sets.start.rows() {
+                    self.bind_started(row, handover.lease);
+                }
                 return sets.start;
             }
             HandoverOutcome::Waits => self.handover = Some(handover),
@@ -416,7 +411,14 @@ mod tests {
             ask(&mut engine, EngineRequest::Reserve { ticket });
             ask(&mut engine, EngineRequest::Install { ticket, id, net });
         }
-        ask(&mut engine, EngineRequest::Start { ticket, id: 1 });
+        ask(
+            &mut engine,
+            EngineRequest::Start {
+                ticket,
+                id: 1,
+                lease: 0,
+            },
+        );
         let mut handover = |engine: &mut Engine, ids: &[u64]| {
             let (mut stop, mut start) = ([0; SWITCH_MAX], [0; SWITCH_MAX]);
             stop[0] = 1;
@@ -425,6 +427,7 @@ mod tests {
                 ticket,
                 stop,
                 start,
+                lease: 0,
             };
             ask(engine, request)
         };

@@ -7,7 +7,7 @@ use rcc_protocol::control::{Refusal, SWITCH_MAX};
 use rcc_protocol::rules::{DisarmReason, LEASE_MAX_NS, LEASE_MIN_NS, LEASES_MAX, RuleFault};
 
 use super::Engine;
-use super::handover::HandoverRefusal;
+use super::handover::{Handover, HandoverRefusal};
 use crate::boards::DeviceBoards;
 use crate::queue::EngineEvent;
 use crate::rows::RowIndex;
@@ -102,33 +102,44 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    /// Checks that the client is present for which this command is to run, if it is bound to a lease.
-    pub(super) fn check_lease(&self, row: RowIndex) -> Result<(), Refusal> {
-        match self.commands[row].lease {
-            lease if lease == 0 || self.leases.is_valid(lease) => Ok(()),
-            lease => Err(Refusal::LeaseEnded { lease }),
+    /// Checks that the client is present for which this command is to run: that of `lease`, or, if it is 0, that to which
+    /// the command is bound, if any.
+    pub(super) fn check_lease(&self, row: RowIndex, lease: u64) -> Result<(), Refusal> {
+        let lease = match lease {
+            0 => self.commands[row].lease,
+            lease => lease,
+        };
+        match lease == 0 || self.leases.is_valid(lease) {
+            true => Ok(()),
+            false => Err(Refusal::LeaseEnded { lease }),
         }
     }
 
-    /// As [`Engine::check_lease`], for commands that are ready; an id of 0 is skipped.
-    pub(super) fn check_leases(&self, start: &[u64; SWITCH_MAX]) -> Result<(), HandoverRefusal> {
-        for &id in start.iter().filter(|id| **id != 0) {
-            if let Ok(row) = self.commands.find(id, |state| state == CommandState::Ready) {
-                self.check_lease(row).map_err(|refusal| (id, refusal))?;
+    /// As [`Engine::check_lease`], for all commands that a hand-over starts.
+    pub(super) fn check_leases(&self, handover: &Handover) -> Result<(), HandoverRefusal> {
+        for &id in handover.start.iter().filter(|id| **id != 0) {
+            if let Ok(row) = self.commands.find(id, |_| true) {
+                let checked = self.check_lease(row, handover.lease);
+                checked.map_err(|refusal| (id, refusal))?;
             }
         }
         Ok(())
     }
 
-    /// Binds all of these commands to a lease, or none; an id of 0 is skipped. A lease of 0 unbinds them.
+    /// A command has started for the client of this lease; 0: it stays bound as it is.
+    pub(super) fn bind_started(&mut self, row: RowIndex, lease: u64) {
+        if lease != 0 {
+            self.commands[row].lease = lease;
+        }
+    }
+
+    /// Binds all of these commands to a lease, or none; an id of 0 is skipped.
     pub(super) fn bind_lease(
         &mut self,
         id: u64,
         commands: &[u64; SWITCH_MAX],
     ) -> Result<(), Refusal> {
-        if id != 0 {
-            self.leases.find(id)?;
-        }
+        self.leases.find(id)?;
         let allowed = |state: CommandState| state == CommandState::Ready || state.is_active();
         let ids = || commands.iter().filter(|command| **command != 0);
         for command in ids() {
@@ -166,19 +177,18 @@ impl<B: DeviceBoards> Engine<B> {
         let rules = self.disarm_where(reason, |rule| rule.lease == id && !rule.goes_on);
         let mut commands = 0;
         for row in RowIndex::all() {
-            let (held, command) = (self.commands[row].lease == id, self.commands[row].entry.id);
-            if !held || command == 0 {
+            let command = &self.commands[row];
+            let (started, command) = (command.is_evaluated(), command.entry.id);
+            if command == 0 || self.commands[row].runs_for() != id || !started {
                 continue;
             }
-            if self.commands[row].state() == CommandState::Ready && !self.commands[row].is_pending()
-            {
+            if self.withdraw_start(command) {
+                commands += 1;
                 continue;
             }
             self.commands[row].lease = 0;
-            // One that is being canceled, or whose net has ended, comes to its end by itself.
-            if self.commands[row].is_evaluated()
-                && self.commands[row].state() != CommandState::Canceling
-            {
+            // One that is being canceled comes to its end by itself.
+            if self.commands[row].state() != CommandState::Canceling {
                 commands += 1;
                 self.end_for_lost_client(row, command);
             }
@@ -192,7 +202,7 @@ impl<B: DeviceBoards> Engine<B> {
     }
 
     fn end_for_lost_client(&mut self, row: RowIndex, id: u64) {
-        if self.cancel(id).is_err() && !self.abort_before_first_cycle(id) {
+        if self.cancel(id).is_err() {
             self.end(row, EndReason::Aborted, FaultRecord::NONE);
         }
     }

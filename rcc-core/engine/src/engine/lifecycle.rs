@@ -17,10 +17,10 @@ impl<B: DeviceBoards> Engine<B> {
         let active = self.commands[row].is_active();
         match self.commands[row].pending {
             PendingTransition::Settle { since_cycle } => self.settle(row, since_cycle),
-            PendingTransition::Start { ticket } if self.is_due(row) => {
-                self.first_cycle(row, ticket, now_ns)
+            PendingTransition::Start { ticket, lease } if self.is_due(row) => {
+                self.first_cycle(row, (ticket, lease), now_ns)
             }
-            PendingTransition::Start { ticket } => self.await_first_cycle(row, ticket),
+            PendingTransition::Start { ticket, .. } => self.await_first_cycle(row, ticket),
             PendingTransition::Nothing if active && self.is_due(row) => {
                 self.next_cycle(row, now_ns)
             }
@@ -59,7 +59,7 @@ impl<B: DeviceBoards> Engine<B> {
 
     /// The first evaluation decides about START: its set-points must begin at the hold set-points of the arms. If they
     /// do not, nothing of this cycle is written and the command stays ready.
-    fn first_cycle(&mut self, row: RowIndex, ticket: u64, now_ns: u64) {
+    fn first_cycle(&mut self, row: RowIndex, (ticket, lease): (u64, u64), now_ns: u64) {
         self.commands[row].pending = PendingTransition::Nothing;
         if let Some(refusal) = self.lost_while_waiting(row) {
             self.reset_to_ready(row);
@@ -76,6 +76,7 @@ impl<B: DeviceBoards> Engine<B> {
             }
             evaluation => match self.pass_commands(row, false) {
                 Ok(()) => {
+                    self.bind_started(row, lease);
                     self.commit_start(row, evaluation, now_ns);
                     None
                 }

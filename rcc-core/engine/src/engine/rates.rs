@@ -56,7 +56,7 @@ impl<B: DeviceBoards> Engine<B> {
         let Ok(row) = self.commands.find(id, |_| true) else {
             return false;
         };
-        let PendingTransition::Start { ticket } = self.commands[row].pending else {
+        let PendingTransition::Start { ticket, .. } = self.commands[row].pending else {
             return false;
         };
         self.commands[row].pending = PendingTransition::Nothing;
@@ -71,7 +71,7 @@ impl<B: DeviceBoards> Engine<B> {
         let Ok(row) = self.commands.find(id, |_| true) else {
             return false;
         };
-        let PendingTransition::Start { ticket } = self.commands[row].pending else {
+        let PendingTransition::Start { ticket, .. } = self.commands[row].pending else {
             return false;
         };
         let state = CommandState::Terminated as u32;

@@ -7,7 +7,7 @@ use rcc_protocol::rules::Rule;
 
 use super::Engine;
 use super::command_table::{CommandRow, PendingTransition};
-use super::handover::HandoverRows;
+use super::handover::{Handover, HandoverRows};
 use crate::boards::DeviceBoards;
 use crate::net::Net;
 use crate::queue::{EngineReply, EngineRequest, ValueReading};
@@ -26,17 +26,28 @@ impl<B: DeviceBoards> Engine<B> {
             }
             EngineRequest::Renew { id, net } => return self.renew(id, net),
             EngineRequest::Reject { ticket, id } => (ticket, self.reject(id).map(|()| None)),
-            EngineRequest::Start { ticket, id } => match self.accept_start(ticket, id) {
-                // Answered after the first evaluation.
-                Ok(()) => return,
-                Err(refusal) => (ticket, Err(refusal)),
-            },
+            EngineRequest::Start { ticket, id, lease } => {
+                match self.accept_start(ticket, id, lease) {
+                    // Answered after the first evaluation.
+                    Ok(()) => return,
+                    Err(refusal) => (ticket, Err(refusal)),
+                }
+            }
             // Answered after it was tried.
             EngineRequest::Handover {
                 ticket,
                 stop,
                 start,
-            } => return self.take_handover(ticket, stop, start),
+                lease,
+            } => {
+                return self.take_handover(Handover {
+                    ticket,
+                    stop,
+                    start,
+                    lease,
+                    since_cycle: self.status.cycle,
+                });
+            }
             EngineRequest::Cancel { ticket, id } => {
                 (ticket, self.cancel_by_client(id).map(|()| None))
             }
@@ -199,14 +210,14 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    fn accept_start(&mut self, ticket: u64, id: u64) -> Result<(), Refusal> {
+    fn accept_start(&mut self, ticket: u64, id: u64, lease: u64) -> Result<(), Refusal> {
         let row = self
             .commands
             .find(id, |state| state == CommandState::Ready)?;
         if self.stopping {
             return Err(Refusal::Stopping);
         }
-        self.check_lease(row)?;
+        self.check_lease(row, lease)?;
         if self.commands[row].is_pending() {
             return Err(Refusal::WrongState {
                 state: CommandState::Ready as u32,
@@ -216,7 +227,7 @@ impl<B: DeviceBoards> Engine<B> {
         self.check_topics(row, HandoverRows::NONE)?;
         self.check_devices(row, HandoverRows::NONE)?;
         self.check_budget(row, HandoverRows::NONE)?;
-        self.commands[row].pending = PendingTransition::Start { ticket };
+        self.commands[row].pending = PendingTransition::Start { ticket, lease };
         self.commands.busy.insert(row);
         Ok(())
     }

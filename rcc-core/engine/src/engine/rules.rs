@@ -282,6 +282,7 @@ impl<B: DeviceBoards> Engine<B> {
             ticket: 0,
             stop: self.still_active(rule),
             start: rule.start,
+            lease: 0,
             since_cycle,
         };
         let sets = match self.hand_over(&handover, now_ns) {

@@ -225,7 +225,11 @@ impl EngineFixture {
     }
 
     pub fn start(&mut self, id: u64) -> Answer {
-        self.ask(|ticket| EngineRequest::Start { ticket, id })
+        self.ask(|ticket| EngineRequest::Start {
+            ticket,
+            id,
+            lease: 0,
+        })
     }
 
     /// Requests a hand-over and runs one cycle.
@@ -235,6 +239,7 @@ impl EngineFixture {
             ticket,
             stop,
             start,
+            lease: 0,
         })
     }
 

@@ -85,7 +85,11 @@ fn two_starts_of_one_cycle_count_each_other() {
         fixture
             .ends
             .requests
-            .push(EngineRequest::Start { ticket, id })
+            .push(EngineRequest::Start {
+                ticket,
+                id,
+                lease: 0,
+            })
             .expect("room");
     }
     fixture.step();
@@ -108,6 +112,7 @@ fn nets_count_together_unless_no_cycle_has_both() {
         .push(EngineRequest::Start {
             ticket: 77,
             id: odd,
+            lease: 0,
         })
         .expect("room");
     fixture.steps(2);
@@ -142,6 +147,7 @@ fn a_hand_over_counts_those_that_begin_and_not_those_that_leave() {
             ticket,
             stop,
             start,
+            lease: 0,
         })
     };
     let refusal = switch(&mut fixture, &[new, more]);

@@ -381,6 +381,7 @@ fn orders_behind_a_hand_over_wait_for_the_next_cycle() {
             ticket,
             stop,
             start,
+            lease: 0,
         },
         EngineRequest::Abort {
             ticket: 71,

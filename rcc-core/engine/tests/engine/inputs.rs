@@ -211,7 +211,11 @@ fn a_slower_net_sees_the_last_value_and_counts_its_own_time() {
     plan.rate = Rate { every: 4, phase: 0 };
     let mut fixture = EngineFixture::new();
     let id = fixture.load(plan);
-    fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     while fixture.engine.status().cycle % 4 != 1 || fixture.state(id) != CommandState::Running {
         fixture.step();
     }

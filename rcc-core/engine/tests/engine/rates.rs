@@ -27,7 +27,11 @@ fn between(fixture: &mut EngineFixture) {
 /// Starts a net with the rate `FIFTH`; returns it with the cycle of its first evaluation.
 fn started(fixture: &mut EngineFixture) -> (u64, u64) {
     let id = fixture.load(time_net(FIFTH));
-    let ticket = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let ticket = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     for _ in 0..5 {
         fixture.step();
         if let Some(answer) = fixture.answer(ticket) {
@@ -76,7 +80,11 @@ fn monitors_are_due_by_evaluations() {
     let mut plan = time_net(FIFTH);
     plan.monitors[0].every = 3;
     let id = fixture.load(plan);
-    fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     fixture.steps(5 * 9);
     let cycles: Vec<u64> = fixture
         .records()
@@ -96,7 +104,11 @@ fn the_resources_of_a_slow_net_are_held_from_start_on() {
     let id = fixture.load(time_net(FIFTH));
     let other = fixture.load(time_net(Rate::EVERY_CYCLE));
     between(&mut fixture);
-    fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     let answer = fixture.start(other);
     let busy = matches!(answer, Answer::Refused(Refusal::Busy { holder, .. }) if holder == id);
     assert!(busy, "{answer:?}");
@@ -129,7 +141,11 @@ fn abort_before_the_first_cycle_prevents_it() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let start = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     fixture.step();
     let abort = fixture.order(|ticket| EngineRequest::Abort { ticket, id });
     fixture.step();
@@ -150,7 +166,11 @@ fn cancel_before_the_first_cycle_withdraws_the_start() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let start = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     fixture.step();
     let cancel = fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
     fixture.step();
@@ -165,7 +185,11 @@ fn cancel_before_the_first_cycle_withdraws_the_start() {
         (CommandState::Ready, 0)
     );
     // START and CANCEL in one cycle.
-    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let start = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
     fixture.step();
     assert_eq!(
@@ -180,7 +204,11 @@ fn an_executor_that_stops_does_not_begin_a_first_cycle() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let start = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     while (cycle(&fixture) + 1) % 5 != 2 {
         fixture.step();
     }
@@ -199,7 +227,11 @@ fn an_executor_that_stops_does_not_wait_for_a_first_cycle() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let start = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     fixture.step();
     fixture.engine.begin_stop();
     fixture.step();
@@ -227,7 +259,11 @@ fn a_device_that_is_lost_before_the_first_cycle_refuses_the_start() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start { ticket, id });
+    let start = fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
+    });
     fixture.step();
     fixture.driver.measurement.state = DeviceState::Offline as u32;
     fixture.steps(5);

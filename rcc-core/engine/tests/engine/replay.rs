@@ -76,8 +76,11 @@ impl Recorded {
     }
 
     fn start(&mut self, id: u64) {
-        self.fixture
-            .order(|ticket| EngineRequest::Start { ticket, id });
+        self.fixture.order(|ticket| EngineRequest::Start {
+            ticket,
+            id,
+            lease: 0,
+        });
     }
 
     /// Freezes the recording and takes it.
@@ -184,7 +187,11 @@ fn live(random: &mut Rng, stage: &mut Recorded, ids: &[u64]) {
             let id = ids[random.below(ids.len())];
             match random.below(3) {
                 0 => fixture.order(|ticket| EngineRequest::Cancel { ticket, id }),
-                1 => fixture.order(|ticket| EngineRequest::Start { ticket, id }),
+                1 => fixture.order(|ticket| EngineRequest::Start {
+                    ticket,
+                    id,
+                    lease: 0,
+                }),
                 _ => fixture.order(|ticket| EngineRequest::Abort { ticket, id }),
             };
         }

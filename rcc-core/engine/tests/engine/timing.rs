@@ -155,7 +155,11 @@ fn the_net_that_took_longest_in_the_late_cycle_is_ended_and_none_that_was_not_ev
         ..endless_net(0)
     };
     let (seldom, often) = (fixture.load(every), fixture.load(endless_net(1)));
-    fixture.order(|ticket| EngineRequest::Start { ticket, id: seldom });
+    fixture.order(|ticket| EngineRequest::Start {
+        ticket,
+        id: seldom,
+        lease: 0,
+    });
     while (fixture.engine.status().cycle + 1) % 1000 != 0 {
         fixture.step();
     }

@@ -32,12 +32,14 @@ impl Service {
         }
         let stop = self.named(&attached, &store, &switch.stop, |state| state.is_active())?;
         let start = self.named(&attached, &store, &switch.start, |state| {
-            Operation::Start.suits(state)
+            Operation::START.suits(state)
         })?;
-        let installed = self.prepare_start(caller, &switch.rules, switch.lease, &start)?;
+        let lease = self.checked_lease(switch.lease)?;
+        let installed = self.rules_of_start(caller, &switch.rules, switch.lease)?;
         let call = Call::Switch {
             stop: stop.clone(),
             start: start.clone(),
+            lease,
         };
         let refused = |id, refusal| {
             let mut error = self.refused(&store, id, refusal);
@@ -52,7 +54,7 @@ impl Service {
             Err(error) => is_refusal(error),
         };
         if refused_now {
-            self.undo_prepared(switch.lease, &start, &installed);
+            self.remove_rules(&installed);
         }
         match answer? {
             Answer::Done { cycle } => {

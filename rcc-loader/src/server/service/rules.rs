@@ -36,38 +36,45 @@ impl Service {
     /// As for [`Service::operate`] and [`Service::install_rules`]; if START was refused, no rule is left.
     pub fn start(&self, caller: &Caller, name: &str, options: &Start) -> Result<Done, ApiError> {
         if options.rules.is_empty() && options.lease.is_none() {
-            return self.operate(caller, name, Operation::Start);
+            return self.operate(caller, name, Operation::START);
         }
         let (attached, store) = self.attach()?;
         let named = [CommandRef::Name(name.to_owned())];
-        let ready = |state| Operation::Start.suits(state);
+        let ready = |state| Operation::START.suits(state);
         let start = self.named(&attached, &store, &named, ready)?;
-        let installed = self.prepare_start(caller, &options.rules, options.lease, &start)?;
+        let lease = self.checked_lease(options.lease)?;
+        let installed = self.rules_of_start(caller, &options.rules, options.lease)?;
         // By its id: the name could mean another command by now.
         let id = start.first().copied().unwrap_or_default().to_string();
-        let started = self.operate(caller, &id, Operation::Start);
+        let started = self.operate(caller, &id, Operation::Start { lease });
         if let Err(error) = &started
             && is_refusal(error)
         {
-            self.undo_prepared(options.lease, &start, &installed);
+            self.remove_rules(&installed);
         }
         started
     }
 
-    /// Binds commands that are about to start to a lease, and installs rules that come with the request. Returns the
-    /// numbers of the rules.
-    pub(super) fn prepare_start(
+    /// Returns the number of a lease that comes with START or a hand-over; 0: none. The executor takes 0 for none, which
+    /// clients must not say by mistake.
+    pub(super) fn checked_lease(&self, lease: Option<u64>) -> Result<u64, ApiError> {
+        match lease {
+            Some(0) => {
+                let (index, fault) = (0, RuleFault::LeaseUnknown);
+                let refusal = Refusal::Rule { index, fault };
+                Err(self.with_names(None, |names| names.refusal(0, refusal)))
+            }
+            lease => Ok(lease.unwrap_or(0)),
+        }
+    }
+
+    /// Installs rules that come with START or a hand-over. Returns their numbers.
+    pub(super) fn rules_of_start(
         &self,
         caller: &Caller,
         rules: &[RuleBody],
         lease: Option<u64>,
-        start: &[u64],
     ) -> Result<Vec<u64>, ApiError> {
-        if let Some(lease) = lease
-            && !start.is_empty()
-        {
-            self.bind(caller, lease, start.to_vec())?;
-        }
         if rules.is_empty() {
             return Ok(Vec::new());
         }
@@ -75,30 +82,15 @@ impl Service {
             rules: rules.to_vec(),
             lease,
         };
-        let installed = self.install_rules(caller, &body);
-        let installed = installed.inspect_err(|error| {
-            if is_refusal(error) {
-                self.undo_prepared(lease, start, &[]);
-            }
-        })?;
+        let installed = self.install_rules(caller, &body)?;
         Ok(installed.rules.iter().map(|rule| rule.rule).collect())
     }
 
-    /// Undoes [`Service::prepare_start`] for a START that was refused: removes the rules and unbinds the commands.
-    pub(super) fn undo_prepared(&self, lease: Option<u64>, start: &[u64], rules: &[u64]) {
+    /// Removes rules whose START was refused.
+    pub(super) fn remove_rules(&self, rules: &[u64]) {
         for &id in rules {
             if let Err(error) = self.executor.call(&Call::RemoveRule { id }) {
                 tracing::warn!(id, message = error.message, "cannot remove a rule");
-            }
-        }
-        if lease.is_some() && !start.is_empty() {
-            let (lease, commands) = (0, start.to_vec());
-            let unbound = self.executor.call(&Call::BindLease { lease, commands });
-            if let Err(error) = unbound {
-                tracing::warn!(
-                    message = error.message,
-                    "cannot unbind a command from its lease"
-                );
             }
         }
     }
@@ -278,12 +270,6 @@ impl Service {
     }
 
     fn bind(&self, caller: &Caller, lease: u64, commands: Vec<u64>) -> Result<u64, ApiError> {
-        // The executor unbinds by 0, which only this program uses.
-        if lease == 0 {
-            let (index, fault) = (0, RuleFault::LeaseUnknown);
-            let refusal = Refusal::Rule { index, fault };
-            return Err(self.with_names(None, |names| names.refusal(0, refusal)));
-        }
         self.simple_call(caller, &Call::BindLease { lease, commands })
     }
 
@@ -367,8 +353,8 @@ impl Resolver<'_> {
         let mut rule = Rule {
             stop: self.ids(body.stop.commands(), CommandState::is_active)?,
             cancel: self.ids(body.cancel.commands(), CommandState::is_active)?,
-            start: self.ids(body.start.commands(), |state| Operation::Start.suits(state))?,
-            lease: body.lease.or(lease).unwrap_or(0),
+            start: self.ids(body.start.commands(), |state| Operation::START.suits(state))?,
+            lease: self.service.checked_lease(body.lease.or(lease))?,
             goes_on: body.on_client_loss == OnClientLoss::GoOn,
             record: body.record.map(|record| RuleRecording {
                 times: record.times,

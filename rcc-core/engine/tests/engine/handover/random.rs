@@ -42,7 +42,11 @@ fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
                 }
                 3 => {
                     let id = pick(&mut random, &ids);
-                    fixture.order(|ticket| EngineRequest::Start { ticket, id });
+                    fixture.order(|ticket| EngineRequest::Start {
+                        ticket,
+                        id,
+                        lease: 0,
+                    });
                 }
                 4 => {
                     let id = pick(&mut random, &ids);
@@ -64,6 +68,7 @@ fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
                         ticket,
                         stop,
                         start,
+                        lease: 0,
                     });
                     fixture.step();
                     history.push(fixture.told());

@@ -9,6 +9,7 @@ fn switch_in_time(fixture: &mut EngineFixture, stop: &[u64], start: &[u64]) -> A
         ticket,
         stop,
         start,
+        lease: 0,
     });
     for _ in 0..1100 {
         fixture.step();
@@ -56,6 +57,7 @@ fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
         ticket,
         stop,
         start,
+        lease: 0,
     });
     fixture.step();
     assert_eq!(
@@ -89,6 +91,7 @@ impl Waiting {
             ticket,
             stop,
             start,
+            lease: 0,
         });
         fixture.steps(3);
         Waiting {
@@ -157,6 +160,7 @@ fn a_hand_over_that_only_stops_withdraws_the_one_that_waits_and_is_carried_out()
         ticket,
         stop,
         start,
+        lease: 0,
     });
     waiting.fixture.step();
     let answer = waiting.fixture.answer(waiting.ticket);

@@ -166,6 +166,7 @@ fn a_hand_over_that_waits_starts_nothing_after_its_client_is_gone() {
         ticket,
         stop,
         start,
+        lease: 0,
     });
     fixture.steps(200);
     let (id, refusal) = (ids[0], Refusal::LeaseEnded { lease });
@@ -175,16 +176,74 @@ fn a_hand_over_that_waits_starts_nothing_after_its_client_is_gone() {
     assert!(ids.iter().all(|id| fixture.entry(*id).cycles == 0));
 }
 
+fn start_for(fixture: &mut EngineFixture, lease: u64, id: u64) -> Answer {
+    fixture.ask(|ticket| EngineRequest::Start { ticket, id, lease })
+}
+
 #[test]
-fn a_command_that_is_unbound_does_not_depend_on_the_lease() {
+fn a_command_that_is_started_for_a_client_ends_with_it() {
     let mut fixture = EngineFixture::new();
     let lease = grant(&mut fixture);
-    let lamp = fixture.load(output_net(1));
-    cycle_of(bind(&mut fixture, lease, &[lamp]));
-    cycle_of(bind(&mut fixture, 0, &[lamp]));
-    cycle_of(fixture.start(lamp));
-    fixture.steps(300);
-    assert_eq!(fixture.state(lamp), CommandState::Running);
+    let [arm, lamp] = [drift_net(HOLD[0], 0.0), output_net(1)].map(|plan| fixture.load(plan));
+    cycle_of(start_for(&mut fixture, lease, arm));
+    let (stop, start) = (named(&[]), named(&[lamp]));
+    cycle_of(fixture.ask(|ticket| EngineRequest::Handover {
+        ticket,
+        stop,
+        start,
+        lease,
+    }));
+    fixture.steps(200);
+    assert_eq!(fixture.reason(arm), EndReason::Aborted);
+    assert_eq!(fixture.reason(lamp), EndReason::Canceled);
+    let again = fixture.load(drift_net(HOLD[0], 0.0));
+    let refused = Answer::Refused(Refusal::LeaseEnded { lease });
+    assert_eq!(start_for(&mut fixture, lease, again), refused);
+    assert_eq!(fixture.entry(again).cycles, 0);
+}
+
+#[test]
+fn a_start_that_is_refused_leaves_a_running_command_bound_to_its_client() {
+    let mut fixture = EngineFixture::new();
+    let [own, other] = [(); 2].map(|()| grant(&mut fixture));
+    let arm = fixture.load(drift_net(HOLD[0], 0.0));
+    cycle_of(start_for(&mut fixture, own, arm));
+    // Another client takes it for its own, with START and with a hand-over.
+    let refused = start_for(&mut fixture, other, arm);
+    assert!(matches!(refused, Answer::Refused(_)), "{refused:?}");
+    let (stop, start) = (named(&[]), named(&[arm]));
+    let refused = fixture.ask(|ticket| EngineRequest::Handover {
+        ticket,
+        stop,
+        start,
+        lease: other,
+    });
+    assert!(matches!(refused, Answer::RefusedFor { .. }), "{refused:?}");
+    for _ in 0..4 {
+        cycle_of(renew(&mut fixture, other));
+        fixture.steps(50);
+    }
+    assert_eq!(fixture.reason(arm), EndReason::Aborted);
+}
+
+#[test]
+fn a_start_that_waits_is_withdrawn_when_its_client_is_gone() {
+    let mut fixture = EngineFixture::new();
+    let lease = grant(&mut fixture);
+    let seldom = PlanData {
+        rate: Rate {
+            every: 1000,
+            phase: 0,
+        },
+        ..output_net(1)
+    };
+    let id = fixture.load(seldom);
+    let ticket = fixture.order(|ticket| EngineRequest::Start { ticket, id, lease });
+    fixture.steps(1200);
+    let refused = Answer::Refused(Refusal::Withdrawn);
+    assert_eq!(fixture.answer(ticket), Some(refused));
+    assert_eq!(fixture.entry(id).cycles, 0);
+    assert_eq!(fixture.state(id), CommandState::Ready);
 }
 
 #[test]
