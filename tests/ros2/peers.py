@@ -416,6 +416,28 @@ def cancel_stops_on_the_path(peer, cell, client):
     assert client.cancel(goal_id)[0] == 3
 
 
+def cancel_reaches_goals_that_are_not_started_yet(peer, cell, client):
+    here = position(peer)
+    there = [here[0] + 0.6, *here[1:]]
+    first, accepted = client.send(goal(JOINTS, (0.0, here), (6.0, there)))
+    assert accepted, client.result(first)
+    peer.next(JointState, "/joint_states", 10, lambda state: state.position[0] > here[0] + 0.05)
+    # It does not continue the first one: before it begins the arm comes to rest, and a minute of motion is rehearsed.
+    second, number = client.begin(goal(JOINTS, (60.0, here)))
+    again = client.goals.send(second, goal(JOINTS, (60.0, here)))
+    until("CANCEL of all to reach the second goal", lambda: second in client.cancel_all()[1])
+    assert client.goals.answer(number).accepted
+    assert not client.goals.answer(again).accepted
+    status, code, words = client.result(second)
+    assert (status, code) == (CANCELED, 0) and "before it was started" in words, (status, code, words)
+    status, code, words = client.result(first)
+    assert (status, code) == (CANCELED, 0), (status, code, words)
+    rest = position(peer)
+    assert here[0] + 0.05 < rest[0] < there[0], rest
+    assert_at(peer, rest)
+    assert not [net for net in cell.states() if net.startswith("ros2-goal")], cell.states()
+
+
 def a_new_goal_replaces_the_running_one(peer, cell, client):
     here = position(peer)
     there = [here[0] - 0.6, *here[1:]]
@@ -562,6 +584,7 @@ def main():
                 a_trajectory_moves_the_arm,
                 a_goal_is_refused_with_words,
                 cancel_stops_on_the_path,
+                cancel_reaches_goals_that_are_not_started_yet,
                 a_new_goal_replaces_the_running_one,
                 a_goal_that_continues_takes_over_without_a_gap,
                 what_the_cell_does_ends_the_goal,

@@ -252,10 +252,15 @@ class TrajectoryClient:
             assert time.monotonic() < end, "no action server"
             time.sleep(0.02)
 
+    def begin(self, goal):
+        """Sends a goal, and returns its id and the number of the request."""
+        goal_id = list(uuid.uuid4().bytes)
+        return goal_id, self.goals.send(goal_id, goal)
+
     def send(self, goal):
         """Returns the id, and whether the goal was accepted."""
-        goal_id = list(uuid.uuid4().bytes)
-        return goal_id, self.goals.call(goal_id, goal).accepted
+        goal_id, number = self.begin(goal)
+        return goal_id, self.goals.answer(number).accepted
 
     def result(self, goal_id, limit_s=60.0):
         answer = self.results.call(goal_id, limit_s=limit_s)
@@ -264,6 +269,9 @@ class TrajectoryClient:
     def cancel(self, goal_id):
         answer = self.cancels.call(goal_id, Time())
         return answer.return_code, [list(info.goal_id) for info in answer.goals_canceling]
+
+    def cancel_all(self):
+        return self.cancel([0] * 16)
 
     def feedback(self):
         return list(self.reader.take(1000))

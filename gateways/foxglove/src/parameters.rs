@@ -62,6 +62,7 @@ impl Parameters {
         Ok(places)
     }
 
+    /// Returns the settable inputs of a command; none if it was unloaded meanwhile.
     fn inputs(
         &mut self,
         loader: &LoaderClient,
@@ -70,7 +71,10 @@ impl Parameters {
         match self.known.entry(key) {
             Entry::Occupied(known) => Ok(known.into_mut()),
             Entry::Vacant(place) => {
-                let detail: CommandDetail = loader.get(&format!("/commands/{}", key.0))?;
+                let detail: CommandDetail = match loader.get(&format!("/commands/{}", key.0)) {
+                    Err(error) if error.body.code == UNKNOWN_COMMAND.code => return Ok(&[]),
+                    answer => answer?,
+                };
                 match detail.settable_inputs() {
                     Some(inputs) => Ok(place.insert(inputs)),
                     None => Ok(&[]),
@@ -175,8 +179,69 @@ pub fn changes(before: &[Parameter], now: &[Parameter]) -> Vec<Parameter> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    use std::os::unix::net::UnixListener;
+    use std::thread::JoinHandle;
+    use std::time::Duration;
+
     use super::*;
+    use rcc_api::bodies::ErrorBody;
     use serde_json::json;
+
+    /// Starts a thread that answers these requests in their order, each with a status and a body. Returns a client for them.
+    fn loader(answers: Vec<(&'static str, &'static str, Value)>) -> (LoaderClient, JoinHandle<()>) {
+        let file = format!("rcc-foxglove-{}.sock", std::process::id());
+        let socket = std::env::temp_dir().join(file);
+        let listener = UnixListener::bind(&socket).expect("a socket");
+        let client = LoaderClient::new("test", &socket, Duration::from_secs(60));
+        let server = std::thread::spawn(move || {
+            for (path, status, body) in answers {
+                let (mut stream, _) = listener.accept().expect("a client");
+                let mut lines = BufReader::new(stream.try_clone().expect("a stream")).lines();
+                let request = lines.next().expect("a request").expect("a line");
+                assert_eq!(request, format!("GET {path} HTTP/1.1"));
+                // A GET has no body.
+                let head = lines.map_while(Result::ok);
+                head.take_while(|line| !line.is_empty()).for_each(drop);
+                let body = body.to_string();
+                let length = format!("content-length: {}", body.len());
+                let answer =
+                    format!("HTTP/1.1 {status}\r\n{length}\r\nconnection: close\r\n\r\n{body}");
+                stream.write_all(answer.as_bytes()).expect("an answer");
+            }
+            std::fs::remove_file(socket).expect("the socket");
+        });
+        (client.expect("a client"), server)
+    }
+
+    #[test]
+    fn a_net_that_is_unloaded_after_the_list_has_no_parameters() {
+        let ready = |id, net: &str| CommandView {
+            id,
+            net: net.into(),
+            state: "ready".into(),
+            ..CommandView::default()
+        };
+        let (gone, belt) = (ready(7, "arm"), ready(8, "belt"));
+        let unknown = ErrorBody {
+            code: UNKNOWN_COMMAND.code.into(),
+            ..ErrorBody::default()
+        };
+        let detail = CommandDetail {
+            command: belt.clone(),
+            text: String::new(),
+            names: json!({"inputs": [{"primitive": "speed"}]}),
+        };
+        let (loader, server) = loader(vec![
+            ("/commands", "200 OK", json!([gone, belt])),
+            ("/commands/7", "404 Not Found", json!(unknown)),
+            ("/commands/8", "200 OK", json!(detail)),
+        ]);
+        let places = Parameters::of("test").places(&loader);
+        let wanted = BTreeMap::from([("belt/speed".to_owned(), (8, "speed".to_owned()))]);
+        assert_eq!(places, Ok(wanted));
+        server.join().expect("all were asked for");
+    }
 
     #[test]
     fn a_real_is_told_as_one_and_null_is_shown() {

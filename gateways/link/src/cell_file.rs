@@ -2,14 +2,19 @@
 //! may use it, which programs it runs, where it writes) stays as it is: that is changed on the cell itself. Reads and writes
 //! files.
 
-use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use rcc_config::diagnostic::Faults;
-use rcc_config::{CellConfig, DriverConfig};
+use rcc_config::{CellConfig, DeviceConfig, DriverConfig, DriverNeed};
+use serde_json::Value;
+
+/// The driver of `rcc-driver` that runs a program of somebody else: the only one.
+const SOFTWARE: &str = "software";
+/// Its setting that has this program and its arguments.
+const COMMAND: &str = "command";
 
 /// Why a file is not taken.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +46,14 @@ pub enum CellFileError {
          link"
     )]
     Program {
+        /// The program with its arguments.
+        program: String,
+    },
+    /// The text permits a program more than the present file does.
+    #[error(
+        "`needs` of `{program}` are more than in the cell's present file: they are changed on the cell itself, not over the link"
+    )]
+    Needs {
         /// The program with its arguments.
         program: String,
     },
@@ -79,30 +92,93 @@ pub fn check(file: &Path, text: &str) -> Result<(), CellFileError> {
         return Err(CellFileError::Fixed { key });
     }
     let known = programs(&present);
-    match programs(&new).into_iter().find(|one| !known.contains(one)) {
-        None => Ok(()),
-        Some(program) => Err(CellFileError::Program {
-            program: program.join(" "),
-        }),
+    for program in programs(&new) {
+        program.check(&known)?;
+    }
+    Ok(())
+}
+
+/// Who starts a program, which decides where its file is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum StartedBy {
+    /// The supervisor: in the folder of RCC's programs, or with a `/` by its path.
+    Supervisor,
+    /// The driver `software`: by `PATH`, or with a `/` by its path.
+    Software,
+}
+
+/// A program that a file runs.
+#[derive(Debug)]
+struct NamedProgram<'a> {
+    started_by: StartedBy,
+    /// The program and its arguments.
+    line: Vec<String>,
+    /// What its unit permits beyond what every driver may do.
+    needs: &'a [DriverNeed],
+}
+
+impl NamedProgram<'_> {
+    /// Checks that the present file runs the same program with all that this one needs.
+    fn check(&self, known: &[NamedProgram<'_>]) -> Result<(), CellFileError> {
+        let same =
+            |one: &&NamedProgram<'_>| (one.started_by, &one.line) == (self.started_by, &self.line);
+        let mut known = known.iter().filter(same).peekable();
+        let program = || self.line.join(" ");
+        if known.peek().is_none() {
+            return Err(CellFileError::Program { program: program() });
+        }
+        match known.any(|one| self.needs.iter().all(|need| one.needs.contains(need))) {
+            true => Ok(()),
+            false => Err(CellFileError::Needs { program: program() }),
+        }
     }
 }
 
-/// Returns the programs that a file names, with their arguments.
-fn programs(config: &CellConfig) -> BTreeSet<Vec<String>> {
-    let line = |program: &String, arguments: &[String]| {
-        let all = std::iter::once(program).chain(arguments);
-        all.cloned().collect()
+/// Returns the programs that a file names, apart from `rcc-driver`, which every cell may run.
+fn programs(config: &CellConfig) -> Vec<NamedProgram<'_>> {
+    let simulators = config.simulators.iter().map(|own| NamedProgram {
+        started_by: StartedBy::Supervisor,
+        line: line(&own.program, &own.arguments),
+        needs: &[],
+    });
+    let devices = config.devices.iter();
+    devices.filter_map(of_device).chain(simulators).collect()
+}
+
+fn of_device(device: &DeviceConfig) -> Option<NamedProgram<'_>> {
+    let (started_by, line) = match &device.driver {
+        DriverConfig::Program(own) => (StartedBy::Supervisor, line(&own.program, &own.arguments)),
+        DriverConfig::Name(name) if name == SOFTWARE => {
+            (StartedBy::Software, command(device.settings.get(COMMAND)?))
+        }
+        // Also a program, and with more permissions than `rcc-driver`.
+        DriverConfig::Name(_) => {
+            let own = device.driver.own_program()?;
+            (StartedBy::Supervisor, line(own.program, &[]))
+        }
     };
-    let drivers = config
-        .devices
-        .iter()
-        .filter_map(|device| match &device.driver {
-            DriverConfig::Name(_) => None,
-            DriverConfig::Program(own) => Some(line(&own.program, &own.arguments)),
-        });
-    let simulators = config.simulators.iter();
-    let simulators = simulators.map(|own| line(&own.program, &own.arguments));
-    drivers.chain(simulators).collect()
+    Some(NamedProgram {
+        started_by,
+        line,
+        needs: device.driver.needs(),
+    })
+}
+
+fn line(program: &str, arguments: &[String]) -> Vec<String> {
+    let all = std::iter::once(program).chain(arguments.iter().map(String::as_str));
+    all.map(str::to_owned).collect()
+}
+
+/// Returns the words of a command. One that the driver would refuse is compared as JSON, and so is refused if it is new.
+fn command(value: &Value) -> Vec<String> {
+    let word = |value: &Value| match value {
+        Value::String(word) => word.clone(),
+        other => other.to_string(),
+    };
+    match value {
+        Value::Array(words) => words.iter().map(word).collect(),
+        other => vec![other.to_string()],
+    }
 }
 
 /// Writes the text beside the file, keeps the present one as `FILE.previous`, and renames: at no time is there half a file.
@@ -161,9 +237,9 @@ mod tests {
         check(&file, &PRESENT.replace("1 ms", "2 ms")).expect("another period");
         check(
             &file,
-            &PRESENT.replace("driver: modbus", "driver: software"),
+            &PRESENT.replace("driver: modbus", "driver: ideal-arm"),
         )
-        .expect("another driver");
+        .expect("another driver of rcc-driver");
         let rows = [
             (
                 "press",
@@ -179,12 +255,62 @@ mod tests {
             ),
             ("./box", "/bin/sh", "`/bin/sh --fast` is not run by"),
             ("--fast", "-c", "`./box -c` is not run by"),
+            (
+                "modbus",
+                "ethercat",
+                "`rcc-ethercat` is not run by the cell's present file",
+            ),
+            (
+                "[--fast]",
+                "[--fast], needs: [raw network]",
+                "`needs` of `./box --fast` are more",
+            ),
             ("1 ms", "1 mm", "1 mm"),
         ];
         for (from, to, words) in rows {
             let refused = check(&file, &PRESENT.replacen(from, to, 1)).expect_err(words);
             assert!(refused.to_string().contains(words), "{words}: {refused}");
         }
+    }
+
+    #[test]
+    fn the_command_of_a_software_device_is_a_program_too() {
+        let (_folder, file) = present();
+        let software = |command: &str| {
+            let device = format!("driver: software, settings: {{command: {command}}}");
+            PRESENT.replace("driver: modbus", &device)
+        };
+        let refused = |text: &str| match check(&file, text).expect_err("refused") {
+            CellFileError::Program { program } => program,
+            other => panic!("{other}"),
+        };
+        let shell = software("[/bin/sh, -c, reboot]");
+        assert_eq!(refused(&shell), "/bin/sh -c reboot");
+        // Nor what the supervisor starts, whose file is looked for in another folder.
+        assert_eq!(refused(&software("[./box, --fast]")), "./box --fast");
+        fs::write(&file, &shell).expect("a file");
+        check(&file, &shell).expect("the same command");
+        let moved = shell.replace("  io: ", "  camera: ");
+        check(&file, &moved).expect("the same command in another device");
+        assert_eq!(refused(&shell.replace("-c,", "-x,")), "/bin/sh -x reboot");
+        assert_eq!(refused(&software("reboot")), "\"reboot\"");
+        check(
+            &file,
+            &software("[]").replace("settings: {command: []}", "settings: {period: 10 ms}"),
+        )
+        .expect("no command");
+    }
+
+    #[test]
+    fn a_program_may_need_less_but_not_more() {
+        let (_folder, file) = present();
+        let needs =
+            |words: &str| PRESENT.replace("[--fast]", &format!("[--fast], needs: [{words}]"));
+        fs::write(&file, needs("raw network, /dev/ttyUSB0")).expect("a file");
+        check(&file, &needs("raw network")).expect("fewer");
+        check(&file, PRESENT).expect("none");
+        let more = check(&file, &needs("raw network, /dev/ttyUSB1")).expect_err("another");
+        assert!(matches!(more, CellFileError::Needs { .. }), "{more}");
     }
 
     #[test]

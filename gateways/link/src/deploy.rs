@@ -14,6 +14,7 @@ use rcc_language::bundle::bundle;
 use rcc_language::library::FileLibraries;
 use rcc_os::file;
 use rcc_protocol::pattern::wildcard;
+use serde_json::Value;
 use zenoh::Session;
 
 use crate::fleet::{CellRequest, FleetError, FoundCell};
@@ -306,7 +307,8 @@ pub struct Deployment<'a> {
 }
 
 impl Deployment<'_> {
-    /// Asks every cell whether it would take everything; the requests are on their way together. Returns what they say of
+    /// Asks every cell whether it would take everything: all cells at the same time, each about one text after the other, since
+    /// a gateway refuses what it has no room for. A cell that does not answer is not asked again. Returns what they say of
     /// valid texts, a line for each.
     ///
     /// # Errors
@@ -321,32 +323,40 @@ impl Deployment<'_> {
                 });
             }
         }
-        let mut sent = Vec::new();
-        for (cell, text) in self.steps() {
-            let request = text.request(self.peer, cell, DeployStep::Check);
-            sent.push((cell, text, request.send(self.session)?));
+        let mut checks: Vec<CellCheck<'_>> =
+            self.cells.iter().map(|cell| self.to_check(cell)).collect();
+        loop {
+            let mut sent = Vec::new();
+            for check in &mut checks {
+                if let Some(text) = check.left.next() {
+                    let request = text.request(self.peer, check.cell, DeployStep::Check);
+                    sent.push((check, text, request.send(self.session)?));
+                }
+            }
+            if sent.is_empty() {
+                break;
+            }
+            for (check, text, pending) in sent {
+                check.take(text, pending.answer());
+            }
         }
         let (mut valid, mut refused) = (Vec::new(), Vec::new());
-        for (cell, text, pending) in sent {
-            match pending.answer() {
-                Ok(answer) => {
-                    let uses = answer["uses"].as_array().into_iter().flatten();
-                    let uses: Vec<&str> = uses.filter_map(|one| one.as_str()).collect();
-                    let uses = match (text.kind, uses.is_empty()) {
-                        (TextKind::Cell, _) => String::new(),
-                        (TextKind::Net, true) => "  uses: nothing".to_owned(),
-                        (TextKind::Net, false) => format!("  uses: {}", uses.join(", ")),
-                    };
-                    valid.push(format!("{cell}  {} is valid{uses}", text.file));
-                    let words = answer["words"].as_str().unwrap_or_default();
-                    valid.extend(Some(words.to_owned()).filter(|words| !words.is_empty()));
-                }
-                Err(error) => refused.push(text.refusal(error)),
-            }
+        for check in checks {
+            valid.extend(check.valid);
+            refused.extend(check.refused);
         }
         match refused.is_empty() {
             true => Ok(valid),
             false => Err(DeployError::Refused(refused)),
+        }
+    }
+
+    fn to_check<'a>(&'a self, cell: &'a str) -> CellCheck<'a> {
+        CellCheck {
+            cell,
+            left: self.texts_for(cell).into_iter(),
+            valid: Vec::new(),
+            refused: Vec::new(),
         }
     }
 
@@ -392,17 +402,63 @@ impl Deployment<'_> {
         Ok(())
     }
 
-    /// Returns the steps in their order: the nets of a cell, then its file.
+    /// Returns the steps in their order.
     fn steps(&self) -> Vec<(&str, &DeployText)> {
-        let mut steps = Vec::new();
-        for cell in self.cells {
-            for kind in [TextKind::Net, TextKind::Cell] {
-                let texts = self.texts.iter();
-                let texts = texts.filter(|text| text.kind == kind && text.is_for(cell));
-                steps.extend(texts.map(|text| (cell.as_str(), text)));
+        let cells = self.cells.iter().map(String::as_str);
+        let steps = cells.flat_map(|cell| {
+            self.texts_for(cell)
+                .into_iter()
+                .map(move |text| (cell, text))
+        });
+        steps.collect()
+    }
+
+    /// Returns the texts of a cell in their order: nets, then its file.
+    fn texts_for(&self, cell: &str) -> Vec<&DeployText> {
+        let of = |kind| {
+            let texts = self.texts.iter();
+            texts.filter(move |text| text.kind == kind && text.is_for(cell))
+        };
+        of(TextKind::Net).chain(of(TextKind::Cell)).collect()
+    }
+}
+
+/// The check of one cell.
+struct CellCheck<'a> {
+    /// `SITE/CELL`.
+    cell: &'a str,
+    /// The texts about which it was not asked yet.
+    left: std::vec::IntoIter<&'a DeployText>,
+    /// What it says of valid texts.
+    valid: Vec<String>,
+    refused: Vec<Refusal>,
+}
+
+impl CellCheck<'_> {
+    /// Takes what the cell says of a text.
+    fn take(&mut self, text: &DeployText, answer: Result<Value, FleetError>) {
+        match answer {
+            Ok(answer) => {
+                let uses = answer["uses"].as_array().into_iter().flatten();
+                let uses: Vec<&str> = uses.filter_map(|one| one.as_str()).collect();
+                let uses = match (text.kind, uses.is_empty()) {
+                    (TextKind::Cell, _) => String::new(),
+                    (TextKind::Net, true) => "  uses: nothing".to_owned(),
+                    (TextKind::Net, false) => format!("  uses: {}", uses.join(", ")),
+                };
+                let line = format!("{}  {} is valid{uses}", self.cell, text.file);
+                self.valid.push(line);
+                let words = answer["words"].as_str().unwrap_or_default();
+                self.valid
+                    .extend(Some(words.to_owned()).filter(|words| !words.is_empty()));
+            }
+            Err(error) => {
+                if matches!(error, FleetError::NoAnswer { .. }) {
+                    self.left = Vec::new().into_iter();
+                }
+                self.refused.push(text.refusal(error));
             }
         }
-        steps
     }
 }
 

@@ -3,6 +3,8 @@
 //! requests of other cells to two threads of their own.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -57,9 +59,9 @@ pub enum GatewayError {
     /// The Zenoh session cannot be opened.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// A thread cannot be made.
+    /// The system refuses a thread, or random bits.
     #[error("cannot start: {0}")]
-    System(#[from] std::io::Error),
+    System(#[from] io::Error),
     /// The loader's client cannot be made.
     #[error(transparent)]
     Client(#[from] RequestError),
@@ -107,7 +109,7 @@ pub fn run(options: &GatewayOptions, stop: &Arc<AtomicBool>) -> Result<(), Gatew
     let mut publisher = LinkPublisher {
         session: session.clone(),
         keys,
-        sender: format!("{:08x}{:08x}", std::process::id(), wall_clock()),
+        sender: new_sender()?,
         origin: Instant::now(),
         sequences: BTreeMap::new(),
         cycle: None,
@@ -146,10 +148,12 @@ fn opened(
     Ok(None)
 }
 
-/// Distinguishes two lives of one process id.
-fn wall_clock() -> u32 {
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    now.map_or(0, |now| now.as_secs() as u32)
+/// Returns the name of this life of the gateway, 16 hexadecimal digits. Random: without a real-time clock, process id and time
+/// may recur after a power cycle, and readers would drop all values as those of an earlier life.
+fn new_sender() -> io::Result<String> {
+    let mut bits = [0; 8];
+    File::open("/dev/urandom")?.read_exact(&mut bits)?;
+    Ok(format!("{:016x}", u64::from_ne_bytes(bits)))
 }
 
 /// Returns a client of the loader of a cell, which need not run.
@@ -285,5 +289,21 @@ impl LinkPublisher {
 pub(crate) fn tell(to: &SyncSender<News>, news: News) {
     if to.try_send(news).is_err() {
         tracing::debug!("the publishing thread is behind");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Both lives have this process id, and nearly the same time.
+    #[test]
+    fn each_life_of_the_gateway_has_another_name() {
+        let lives = [(); 2].map(|()| new_sender().expect("random bits"));
+        assert_ne!(lives[0], lives[1]);
+        for life in lives {
+            assert_eq!(life.len(), 16, "{life}");
+            assert!(u64::from_str_radix(&life, 16).is_ok(), "{life}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Rolling deployment to cells that this test answers for, on loopback. Run by the threads of the test harness.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 
 use rcc_link::deploy::{DeployError, DeployText, Deployment, select, withdraw};
@@ -96,6 +96,13 @@ fn has_no_arm(operation: &str) -> Option<Result<&'static str, &'static str>> {
     }
 }
 
+fn dies_at_check(operation: &str) -> Option<Result<&'static str, &'static str>> {
+    match operation {
+        "check" => None,
+        _ => takes(operation),
+    }
+}
+
 fn dies_at_load(operation: &str) -> Option<Result<&'static str, &'static str>> {
     match operation {
         "load" => None,
@@ -129,6 +136,65 @@ fn every_cell_gets_it_in_turn_if_all_would_take_it() {
         cells.asked("load"),
         CELLS.map(|cell| format!("{cell} load"))
     );
+}
+
+/// A gateway has room for four texts that wait: more at a time would be refused.
+#[test]
+fn all_cells_are_asked_together_and_each_about_one_text_after_the_other() {
+    const NETS: usize = 8;
+    let cells = Cells::new([takes, takes, takes]);
+    let session = cells.connect();
+    let names = CELLS.map(str::to_owned);
+    let texts: Vec<DeployText> = (0..NETS)
+        .map(|number| {
+            let text = NET.replacen("line", &format!("line-{number}"), 1);
+            DeployText::of(&format!("line-{number}.yaml"), &text).expect("a net")
+        })
+        .collect();
+    let deployment = Deployment {
+        session: &session,
+        peer: "lab/office",
+        cells: &names,
+        texts: &texts,
+    };
+    let lines = deployment.check().expect("all are valid");
+    // One request of each cell, and then the next one.
+    let asked = cells.asked("check");
+    assert_eq!(asked.len(), NETS * CELLS.len());
+    for (number, round) in asked.chunks(CELLS.len()).enumerate() {
+        let round: BTreeSet<&str> = round.iter().map(String::as_str).collect();
+        assert_eq!(round.len(), CELLS.len(), "{number}: {asked:?}");
+    }
+    // What they say is in the order of cells and texts.
+    let told = CELLS.iter().flat_map(|cell| {
+        (0..NETS).map(move |number| format!("{cell}  line-{number}.yaml is valid  uses: arm"))
+    });
+    assert_eq!(lines, told.collect::<Vec<String>>());
+}
+
+/// Each further question would wait for the longest time that an answer may take.
+#[test]
+fn a_cell_that_does_not_answer_is_not_asked_again() {
+    let cells = Cells::new([takes, dies_at_check, takes]);
+    let session = cells.connect();
+    let names = CELLS.map(str::to_owned);
+    let texts = ["one.yaml", "two.yaml"].map(|file| DeployText::of(file, NET).expect("a net"));
+    let deployment = Deployment {
+        session: &session,
+        peer: "lab/office",
+        cells: &names,
+        texts: &texts,
+    };
+    let Err(DeployError::Refused(refusals)) = deployment.check() else {
+        panic!("it is refused");
+    };
+    let told: Vec<String> = refusals.iter().map(ToString::to_string).collect();
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(
+        told[0].starts_with("one.yaml: lab/b does not answer"),
+        "{told:?}"
+    );
+    assert_eq!(cells.asked("check").len(), 5);
 }
 
 #[test]

@@ -9,6 +9,7 @@ use crate::gateway::Gateway;
 use crate::loader::{CellClient, LoaderError};
 use crate::net_watch::look_at_net;
 use crate::state::{GatewayNet, RuleState};
+use crate::stops::{self, StopKind};
 
 /// Time between two turns while something runs or waits: what is pushed at an interval becomes due by itself.
 const TURN_EVERY: Duration = Duration::from_millis(4);
@@ -33,6 +34,7 @@ pub fn run(gateway: &Gateway) -> ! {
         if tidied.is_none_or(|at| at.elapsed() > TIDY_EVERY) {
             tidied = Some(Instant::now());
             look_at_devices(gateway, &mut loader);
+            stops::send_owed(gateway, &mut loader);
             end_sessions(gateway, &mut loader);
             gateway.state().forget();
         }
@@ -177,7 +179,7 @@ fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
             if state
                 .nets
                 .values()
-                .all(|net| net.session != name || !net.state.is_active())
+                .all(|net| net.session != name || !net.state.is_active() && net.owed_stop.is_none())
             {
                 let over = state.nets.iter().filter(|(_, net)| net.session == name);
                 unload.extend(over.filter_map(|(name, net)| net.command.map(|_| name.clone())));
@@ -200,19 +202,21 @@ fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
 
 /// Stops every net when the gateway ends: its clients are no longer served.
 pub fn end_all(gateway: &Gateway) {
-    let active: Vec<(String, bool)> = {
+    let stopped: Vec<(String, StopKind)> = {
         let mut state = gateway.state();
         state.rules.clear();
-        let active = state.nets.iter().filter(|(_, net)| net.state.is_active());
-        active
-            .map(|(name, net)| (name.clone(), net.can_cancel))
+        let nets = state.nets.iter();
+        let nets: Vec<(String, StopKind)> = nets
+            .map(|(name, net)| (name.clone(), StopKind::gentlest(net.can_cancel)))
+            .collect();
+        nets.into_iter()
+            .filter_map(|(name, kind)| state.stop(&name, kind).map(|kind| (name, kind)))
             .collect()
     };
     let mut loader = gateway.loader();
-    for (name, can_cancel) in active {
-        let operation = if can_cancel { "cancel" } else { "abort" };
-        if let Err(error) = loader.operate(&name, operation) {
-            tracing::warn!(net = name, %error, "{operation} was refused");
+    for (name, kind) in stopped {
+        if let Err(error) = stops::send(gateway, &mut loader, &name, kind) {
+            tracing::warn!(net = name, %error, "{} was refused", kind.operation());
         }
     }
 }

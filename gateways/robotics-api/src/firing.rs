@@ -5,27 +5,26 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use rcc_api::codes;
-use serde_json::{Map, Value};
 
 use crate::gateway::Gateway;
 use crate::loader::{CellClient, LoaderError};
 use crate::mirror::ensure_loaded;
-use crate::net_text::STOP_INPUT;
 use crate::net_watch::look_at;
 use crate::pushes::NetState;
-use crate::state::{RuleState, ScheduleRule};
+use crate::state::{GatewayState, RuleState, ScheduleRule};
+use crate::stops::{self, StopKind};
 
 /// Time for an arm to come to rest before a rule that starts a net fails.
 const REST_TIME_MAX: Duration = Duration::from_secs(3);
-/// Time between two attempts to take over an arm in motion.
-const TAKE_OVER_EVERY: Duration = Duration::from_millis(20);
+/// Time between two attempts to take over an arm in motion, or to deliver a stop.
+const AGAIN_AFTER: Duration = Duration::from_millis(20);
 
 /// A rule as commands of the core.
 #[derive(Debug, Default)]
 struct RuleCommands {
     /// Nets that run and are stopped.
     stop: Vec<String>,
-    /// Nets that never ran and are stopped.
+    /// Nets that never ran and are stopped, or canceled before a rule could start them.
     discard: Vec<String>,
     /// Nets that are canceled.
     cancel: Vec<String>,
@@ -117,7 +116,20 @@ fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
                 if rule.not_before.is_none() {
                     tracing::info!(rule = number, reason, "the arm is taken over when it rests");
                 }
-                rule.not_before = Some(now + TAKE_OVER_EVERY);
+                rule.not_before = Some(now + AGAIN_AFTER);
+            }
+        }
+        Err(RuleRefusal::Undelivered(reason)) => {
+            if let Some(rule) = state.rules.get_mut(&number) {
+                if rule.trying_since.is_none() {
+                    tracing::warn!(
+                        rule = number,
+                        reason,
+                        "a stop is sent until the core takes it"
+                    );
+                }
+                rule.trying_since.get_or_insert(now);
+                rule.not_before = Some(Instant::now() + AGAIN_AFTER);
             }
         }
         Err(RuleRefusal::Never(reason)) => {
@@ -127,12 +139,14 @@ fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
     }
 }
 
-/// Why a rule was not carried out; nothing has changed.
+/// Why a rule was not carried out; nothing has started.
 enum RuleRefusal {
     /// An arm is still coming to rest, or a net has just ended.
     Later(String),
     /// The net cannot continue the motion: it can take over when the one before it has ended.
     InMotion(String),
+    /// The core did not take a stop. It is never given up: the net may be moving.
+    Undelivered(String),
     /// It is impossible.
     Never(String),
 }
@@ -147,75 +161,115 @@ fn carry_out(
         ensure_loaded(gateway, loader, name).map_err(RuleRefusal::Never)?;
     }
     let commands = commands(gateway, rule)?;
-    if !commands.start.is_empty() {
-        start(loader, &commands).map_err(|error| refusal(gateway, &commands, &error))?;
-    }
-    for name in &commands.cancel {
-        cancel(gateway, loader, name);
-    }
     if commands.start.is_empty() {
-        commands
-            .stop
-            .iter()
-            .for_each(|name| end(gateway, loader, name));
+        discard(&mut gateway.state(), &commands);
+        return deliver_stops(gateway, loader, &commands);
     }
+    let started = start(loader, &commands);
+    note_started(gateway, number, &commands, started.is_ok());
+    stops::send_owed(gateway, loader);
+    started.map_err(|error| refusal(gateway, &commands, &error))
+}
+
+/// Delivers every stop of a rule that starts nothing, even if one of them fails.
+fn deliver_stops(
+    gateway: &Gateway,
+    loader: &mut CellClient,
+    commands: &RuleCommands,
+) -> Result<(), RuleRefusal> {
+    let mut delivered = Ok(());
+    for name in &commands.cancel {
+        delivered = delivered.and(stops::send(gateway, loader, name, StopKind::Cancel));
+    }
+    for name in &commands.stop {
+        delivered = delivered.and(stops::end(gateway, loader, name));
+    }
+    delivered.map_err(|error| RuleRefusal::Undelivered(error.to_string()))
+}
+
+/// Notes that START was answered.
+fn note_started(gateway: &Gateway, number: u64, commands: &RuleCommands, is_started: bool) {
     let mut state = gateway.state();
+    let now = Instant::now();
+    if is_started {
+        discard(&mut state, commands);
+        for name in &commands.stop {
+            // Its last values are pushed together with its last state.
+            if let Some(net) = state.nets.get_mut(name) {
+                net.is_ending = true;
+            }
+        }
+        // START cannot be taken back: a cancel that the core does not take is sent again.
+        for name in &commands.cancel {
+            if let Some(net) = state.nets.get_mut(name) {
+                net.owed_stop = net.owed_stop.max(Some(StopKind::Cancel));
+            }
+        }
+    }
+    for name in &commands.start {
+        if let Some(net) = state.nets.get_mut(name) {
+            net.is_starting = false;
+        }
+        if is_started {
+            state.started(name, number, now);
+        }
+    }
+}
+
+/// Ends the nets that a rule stops before they ever ran.
+fn discard(state: &mut GatewayState, commands: &RuleCommands) {
     for name in &commands.discard {
         if let Some(net) = state.nets.get_mut(name) {
             net.state = NetState::Terminated;
         }
     }
-    for name in &commands.stop {
-        // Its last values are pushed together with its last state.
-        if let Some(net) = state.nets.get_mut(name) {
-            net.is_ending = true;
-        }
-    }
-    let now = Instant::now();
-    commands
-        .start
-        .iter()
-        .for_each(|name| state.started(name, Some(number), now));
-    Ok(())
 }
 
-/// Returns what a rule means for the core.
+/// Returns what a rule means for the core. Until [`note_started`], the nets that it starts count as starting.
 fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, RuleRefusal> {
-    let state = gateway.state();
+    let mut state = gateway.state();
     let mut commands = RuleCommands::default();
-    let nets = |names: &[String]| -> Vec<(String, NetState, Option<u64>)> {
-        let found = names
-            .iter()
-            .filter_map(|name| Some((name.clone(), state.nets.get(name)?)));
-        found
-            .map(|(name, net)| (name, net.state, net.command))
-            .collect()
-    };
-    for (name, state, command) in nets(&rule.start) {
-        match (state, command) {
-            (NetState::Ready | NetState::Scheduled, Some(_)) => commands.start.push(name),
-            _ => return Err(RuleRefusal::Never(format!("{name} is {}", state.name()))),
+    for name in &rule.start {
+        let Some(net) = state.nets.get(name) else {
+            let reason = "a net to be started is unloaded".to_owned();
+            return Err(RuleRefusal::Never(reason));
+        };
+        match (net.state, net.command, net.owed_stop) {
+            (NetState::Ready | NetState::Scheduled, Some(_), None) => {
+                commands.start.push(name.clone());
+            }
+            (state, _, None) => {
+                return Err(RuleRefusal::Never(format!("{name} is {}", state.name())));
+            }
+            (_, _, Some(_)) => {
+                return Err(RuleRefusal::Never(format!("{name} is being stopped")));
+            }
         }
     }
-    if commands.start.len() < rule.start.len() {
-        return Err(RuleRefusal::Never(
-            "a net to be started is unloaded".to_owned(),
-        ));
-    }
-    for (name, state, command) in nets(&rule.stop) {
-        match (state, command) {
-            (state, Some(_)) if state.is_active() => commands.stop.push(name),
-            (NetState::Ready | NetState::Scheduled, _) => commands.discard.push(name),
+    for name in &rule.stop {
+        match state.nets.get(name).map(|net| (net.state, net.command)) {
+            Some((state, Some(_))) if state.is_active() => commands.stop.push(name.clone()),
+            Some((NetState::Ready | NetState::Scheduled, _)) => commands.discard.push(name.clone()),
             // It has ended already.
             _ => {}
         }
     }
-    let cancel = nets(&rule.cancel)
-        .into_iter()
-        .filter(|(_, state, _)| *state == NetState::Running);
-    commands.cancel = cancel
-        .filter_map(|(name, _, command)| command.map(|_| name))
-        .collect();
+    for name in &rule.cancel {
+        match state.nets.get(name).map(|net| (net.state, net.command)) {
+            Some((NetState::Running, Some(_))) => commands.cancel.push(name.clone()),
+            // A rule that would start it later must not.
+            Some((NetState::Scheduled, _)) if state.is_scheduled(name) => {
+                commands.discard.push(name.clone());
+            }
+            _ => {}
+        }
+    }
+    commands.discard.retain(|name| !rule.start.contains(name));
+    for name in &commands.start {
+        if let Some(net) = state.nets.get_mut(name) {
+            net.is_starting = true;
+        }
+    }
     Ok(commands)
 }
 
@@ -257,42 +311,5 @@ fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> R
     match is_passing {
         true => RuleRefusal::Later(words),
         false => RuleRefusal::Never(words),
-    }
-}
-
-/// Cancels a net; one that has just ended needs no cancel.
-pub fn cancel(gateway: &Gateway, loader: &mut CellClient, name: &str) {
-    match loader.operate(name, "cancel") {
-        Ok(()) => {
-            if let Some(net) = gateway
-                .state()
-                .nets
-                .get_mut(name)
-                .filter(|net| net.state == NetState::Running)
-            {
-                net.state = NetState::Cancelling;
-            }
-        }
-        Err(error) => tracing::info!(net = name, %error, "not canceled"),
-    }
-}
-
-/// Ends a net as its `Termination` does: its arm plays its last set-points. One that cannot be ended so is aborted.
-pub fn end(gateway: &Gateway, loader: &mut CellClient, name: &str) {
-    if let Some(net) = gateway.state().nets.get_mut(name) {
-        net.is_ending = true;
-    }
-    let stop = Map::from_iter([(STOP_INPUT.to_owned(), Value::Bool(true))]);
-    match loader.set(name, &stop) {
-        Ok(()) => {}
-        // It has ended already.
-        Err(error)
-            if [codes::WRONG_STATE.code, codes::UNKNOWN_COMMAND.code].contains(&error.code()) => {}
-        Err(error) => {
-            tracing::warn!(net = name, %error, "the net cannot be ended and is aborted");
-            if let Err(error) = loader.operate(name, "abort") {
-                tracing::error!(net = name, %error, "not aborted");
-            }
-        }
     }
 }

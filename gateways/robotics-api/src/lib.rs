@@ -9,6 +9,8 @@ pub mod condition;
 pub mod devices;
 pub mod dio;
 pub mod engine;
+#[cfg(test)]
+mod fake_loader;
 pub mod firing;
 pub mod gateway;
 pub mod http;
@@ -24,6 +26,7 @@ pub mod rate_limiter;
 pub mod requests;
 pub mod server;
 pub mod state;
+pub mod stops;
 mod text_reader;
 pub mod values;
 pub mod websocket;

@@ -6,7 +6,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -27,6 +27,8 @@ pub struct OwnCell {
     wanted: Mutex<WantedDevices>,
     changed: Condvar,
     is_restarting: AtomicBool,
+    /// Number of the next file that is recognised; only the number counts.
+    next_recognised: AtomicU64,
 }
 
 /// The devices that the library wants, and whether the cell has them.
@@ -92,6 +94,7 @@ impl OwnCell {
             }),
             changed: Condvar::new(),
             is_restarting: AtomicBool::new(true),
+            next_recognised: AtomicU64::new(0),
         })
     }
 
@@ -112,7 +115,9 @@ impl OwnCell {
         let ArmGeometry::Dh(table) = &arm.geometry else {
             return Ok(String::new());
         };
-        let path = self.folder.join("recognised.urdf");
+        // Several connections may create devices at once.
+        let number = self.next_recognised.fetch_add(1, Ordering::Relaxed);
+        let path = self.folder.join(format!("recognised-{number}.urdf"));
         let failed = |source| OwnCellError::File {
             path: path.clone(),
             source,
@@ -122,6 +127,8 @@ impl OwnCell {
             .args(["robot", "import"])
             .arg(&path)
             .output();
+        // If it cannot be removed, the next gateway's file of this number replaces it.
+        let _ = fs::remove_file(&path);
         let output = output.map_err(|source| OwnCellError::File {
             path: self.rcc_cli.clone(),
             source,
@@ -217,7 +224,10 @@ pub fn rcc_cli_beside(this: Option<&Path>) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
+    use crate::fake_loader::TestFolder;
 
     #[test]
     fn the_kinematics_of_a_robot_file_are_found() {
@@ -228,5 +238,66 @@ mod tests {
             "kinematics:\n  type: srs\n  upper_arm: 1 m\n"
         );
         assert_eq!(kinematics_of("robot: x\n"), "");
+    }
+
+    /// Arm of six joints, with the base at this height in metres.
+    fn arm(name: &str, height: &str) -> DeviceSpec {
+        let zeros = "[0,0,0,0,0,0]";
+        let heights = format!("[{height},0,0,0,0,0]");
+        let turns =
+            "[1.5707963267948966,0,1.5707963267948966,-1.5707963267948966,1.5707963267948966,0]";
+        let parameters = [
+            ("dh_d", heights.as_str()),
+            ("dh_a", "[0.025,0.315,0.035,0,0,0]"),
+            ("dh_t", zeros),
+            ("dh_al", turns),
+            ("home_joint", zeros),
+            ("min_joint", "[-2,-2,-2,-2,-2,-2]"),
+            ("max_joint", "[2,2,2,2,2,2]"),
+        ];
+        let parameters = parameters.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let read = DeviceSpec::read(name, "kuka_kr_arm_sim", &parameters.into());
+        read.expect("a device").0
+    }
+
+    #[test]
+    fn arms_that_are_created_at_once_have_their_own_kinematics() {
+        let folder = TestFolder::new();
+        // Writes the URDF that it was given as kinematics, but only when two of it run: who opens a pipe waits for the other.
+        let program = folder.0.join("rcc-cli");
+        let script = "#!/bin/sh\ncd \"${0%/*}\"\nif mkfifo pipe 2>/dev/null; then : >pipe; else : <pipe; fi\n\
+                      echo kinematics:\nsed 's/^/  /' \"$3\"\n";
+        fs::write(&program, script).expect("a program");
+        let executable = fs::Permissions::from_mode(0o700);
+        fs::set_permissions(&program, executable).expect("a program");
+        let options = CellOptions {
+            name: "test".to_owned(),
+            period_ms: 2,
+            delay_ms: 80,
+        };
+        let files = folder.0.join("files");
+        let cell = OwnCell::new(options, files.clone(), program).expect("a cell");
+        let arms = [arm("low", "0.25"), arm("high", "0.75")];
+        let found = std::thread::scope(|scope| {
+            let cell = &cell;
+            let threads = arms
+                .each_ref()
+                .map(|arm| scope.spawn(|| cell.recognise(arm)));
+            threads.map(|thread| thread.join().expect("no panic").expect("kinematics"))
+        });
+        for (arm, found) in arms.iter().zip(&found) {
+            let DeviceKind::Arm(spec) = &arm.kind else {
+                panic!("an arm")
+            };
+            let ArmGeometry::Dh(table) = &spec.geometry else {
+                panic!("rows of Denavit and Hartenberg")
+            };
+            let own = urdf(table, &spec.joints);
+            let own = own.lines().map(|line| format!("  {line}\n"));
+            assert_eq!(*found, format!("kinematics:\n{}", own.collect::<String>()));
+        }
+        assert_ne!(found[0], found[1]);
+        let left = fs::read_dir(files).expect("a folder").count();
+        assert_eq!(left, 0, "files of arms that were recognised");
     }
 }

@@ -10,13 +10,13 @@ use serde_json::Map;
 
 use crate::condition::Condition;
 use crate::dio::{DioMessage, DioValue};
-use crate::firing;
 use crate::gateway::Gateway;
 use crate::loader::CellClient;
 use crate::mirror;
 use crate::outbox::Outbox;
 use crate::pushes::NetState;
 use crate::state::{RuleState, ScheduleRule, Session};
+use crate::stops::{self, StopKind};
 use crate::values::from_library;
 
 /// Maximum number of nets that one connection loads at the same time; further LOADs wait, and so do the requests after
@@ -105,8 +105,8 @@ impl Dialogue {
             "gsy" => self.subscribe_rule(tag, name()?),
             "snc" => self.set_values(values),
             "neun" => self.unload(name()?),
-            "neca" => self.cancel(name()?),
-            "neab" => self.abort(name()?),
+            "neca" => self.stop(name()?, StopKind::Cancel),
+            "neab" => self.stop(name()?, StopKind::Abort),
             "nest" => {
                 let start = vec![name()?.to_owned()];
                 self.add_rule(Condition::Always, Vec::new(), Vec::new(), start)
@@ -412,28 +412,35 @@ impl Dialogue {
         Ok((net.command, set))
     }
 
-    fn net(&self, name: &str) -> Result<(NetState, Option<u64>), String> {
+    /// Notes that this connection belongs to the session of a net.
+    fn bind(&self, name: &str) -> Result<(), String> {
         let mut state = self.gateway.state();
         let net = state.nets.get(name).ok_or("invalid net")?;
-        let (found, session) = ((net.state, net.command), net.session.clone());
+        let session = net.session.clone();
         state.bind(self.outbox.connection, &session);
-        Ok(found)
+        Ok(())
     }
 
     fn unload(&mut self, name: &str) -> Answer {
-        let (state, command) = self.net(name)?;
-        if state.is_active() {
-            return Err(format!("{name} is {}: abort it first", state.name()));
-        }
-        {
+        self.bind(name)?;
+        let command = {
             let mut state = self.gateway.state();
+            let net = state.nets.get(name).ok_or("invalid net")?;
+            if net.state.is_active() {
+                return Err(format!("{name} is {}: abort it first", net.state.name()));
+            }
+            if net.owed_stop.is_some() {
+                return Err(format!("{name} is being stopped"));
+            }
             if state.is_scheduled(name) {
                 return Err(format!("a rule waits to start {name}"));
             }
+            let command = net.command;
             state.nets.remove(name);
             // Those who subscribed see that it is gone.
             state.push_nets(Instant::now());
-        }
+            command
+        };
         match command {
             Some(_) => self
                 .loader
@@ -444,41 +451,15 @@ impl Dialogue {
         }
     }
 
-    fn cancel(&mut self, name: &str) -> Answer {
-        match self.net(name)? {
-            (NetState::Running, Some(_)) => {
-                firing::cancel(&self.gateway, &mut self.loader, name);
-                OK
-            }
-            // Only a running net reacts, as in the predecessor.
-            _ => OK,
+    /// CANCEL or ABORT.
+    fn stop(&mut self, name: &str, kind: StopKind) -> Answer {
+        self.bind(name)?;
+        let sent = self.gateway.state().stop(name, kind);
+        if let Some(kind) = sent {
+            stops::send(&self.gateway, &mut self.loader, name, kind)
+                .map_err(|error| error.to_string())?;
         }
-    }
-
-    fn abort(&mut self, name: &str) -> Answer {
-        match self.net(name)? {
-            (state, Some(_)) if state.is_active() => {
-                self.loader
-                    .operate(name, "abort")
-                    .map_err(|error| error.to_string())?;
-                if let Some(net) = self.gateway.state().nets.get_mut(name) {
-                    net.is_ending = true;
-                }
-                OK
-            }
-            (state, _) => {
-                if let Some(net) = self
-                    .gateway
-                    .state()
-                    .nets
-                    .get_mut(name)
-                    .filter(|_| !state.is_over())
-                {
-                    net.state = NetState::Terminated;
-                }
-                OK
-            }
-        }
+        OK
     }
 }
 

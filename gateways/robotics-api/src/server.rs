@@ -8,6 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use nix::sys::socket::{setsockopt, sockopt};
+
 use crate::devices::DeviceSpec;
 use crate::gateway::Gateway;
 use crate::http::{RequestError, RequestHead, decoded, form, read_body, read_head, write_answer};
@@ -19,6 +21,11 @@ use crate::websocket::{ACCEPT, CLIENT_KEY, ClientMessage, MessageReader, close_f
 const CONNECTIONS_MAX: usize = 64;
 /// Time for a request to come, and for an answer to be taken.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// Time without a sign of life after which TCP asks an upgraded connection for one, and time between two questions, s.
+const PROBE_EVERY_S: u32 = 1;
+/// Time without an acknowledgement after which TCP ends an upgraded connection, ms. Longer than short losses of a network;
+/// after longer ones the library connects again, within the session's time-out.
+const UNANSWERED_MAX_MS: u32 = 4000;
 const PLAIN: &str = "text/plain; charset=utf-8";
 
 /// Accepts connections for ever.
@@ -188,6 +195,17 @@ fn create_device(
     gateway.create_device(spec).map(|()| 201)
 }
 
+/// Lets TCP end a connection whose other side does not answer any more, as when its machine has lost power: no packet tells
+/// of that. An idle connection is probed; for data that was sent, the limit is that of `TCP_USER_TIMEOUT`, which on Linux is
+/// also the one for probes (`tcp(7)`).
+fn end_when_unanswered(stream: &TcpStream) -> io::Result<()> {
+    setsockopt(stream, sockopt::TcpKeepIdle, &PROBE_EVERY_S)?;
+    setsockopt(stream, sockopt::TcpKeepInterval, &PROBE_EVERY_S)?;
+    setsockopt(stream, sockopt::TcpUserTimeout, &UNANSWERED_MAX_MS)?;
+    setsockopt(stream, sockopt::KeepAlive, &true)?;
+    Ok(())
+}
+
 fn upgrade(
     mut stream: TcpStream,
     head: &RequestHead,
@@ -208,6 +226,7 @@ fn upgrade(
     stream.write_all(answer.as_bytes())?;
     // A data connection carries nothing while nothing changes.
     stream.set_read_timeout(None)?;
+    end_when_unanswered(&stream)?;
     let number = gateway.state().number("connection");
     let (outbox, frames) = Outbox::new(number, Arc::new(stream.try_clone()?));
     let mut sink = stream.try_clone()?;
@@ -239,5 +258,53 @@ fn upgrade(
                 return Ok(());
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake_loader::{TestFolder, connected_pair, socket};
+    use crate::gateway::GatewayOptions;
+    use nix::sys::socket::getsockopt;
+
+    #[test]
+    fn tcp_ends_an_upgraded_connection_whose_other_side_does_not_answer() {
+        let folder = TestFolder::new();
+        let options = GatewayOptions {
+            session_timeout: PATIENCE,
+        };
+        let gateway = Arc::new(Gateway::new(options, socket(&folder), None));
+        let (server, mut client) = connected_pair();
+        let seen = server.try_clone().expect("a handle");
+        let connection = std::thread::spawn(move || converse(server, &gateway));
+        let head = format!(
+            "GET /DirectIO/ HTTP/1.1\r\nUpgrade: websocket\r\nSec-WebSocket-Key: {CLIENT_KEY}\r\n\r\n"
+        );
+        client.write_all(head.as_bytes()).expect("a request");
+        // The answer to a ping: the connection is served.
+        client.write_all(b"\x89\x00").expect("a ping");
+        let mut reader = io::BufReader::new(&client);
+        let mut line = String::new();
+        while line != "\r\n" {
+            line.clear();
+            io::BufRead::read_line(&mut reader, &mut line).expect("the head of an answer");
+        }
+        let mut pong = [0; 2];
+        io::Read::read_exact(&mut reader, &mut pong).expect("a pong");
+        assert_eq!(pong, [0x8a, 0]);
+        assert!(getsockopt(&seen, sockopt::KeepAlive).expect("an option"));
+        let seconds = [
+            getsockopt(&seen, sockopt::TcpKeepIdle).expect("an option"),
+            getsockopt(&seen, sockopt::TcpKeepInterval).expect("an option"),
+        ];
+        assert_eq!(seconds, [PROBE_EVERY_S; 2]);
+        let unanswered = getsockopt(&seen, sockopt::TcpUserTimeout).expect("an option");
+        assert_eq!(unanswered, UNANSWERED_MAX_MS);
+        client
+            .shutdown(std::net::Shutdown::Both)
+            .expect("a connection");
+        let ended = connection.join().expect("no panic");
+        ended.expect("an upgraded connection");
     }
 }

@@ -14,6 +14,7 @@ use crate::dio::{DioMessage, DioValue};
 use crate::net_text::NetText;
 use crate::outbox::Outbox;
 use crate::pushes::{AFTER_FIRED, HOLD_BACK_MAX, NetPicture, NetState, NetSubscription};
+use crate::stops::StopKind;
 
 /// Most nets and rules that are remembered; of those that are over the oldest are forgotten.
 pub const REMEMBERED_MAX: usize = 4096;
@@ -75,6 +76,10 @@ pub struct GatewayNet {
     pub is_overtaken: bool,
     /// A rule that started it and that its client may not know to have fired, and when that was.
     pub held_by: Option<(u64, Instant)>,
+    /// True while START has been sent and is not answered.
+    pub is_starting: bool,
+    /// A stop that the core has yet to take; no rule starts the net any more.
+    pub owed_stop: Option<StopKind>,
     /// True once it was told to end.
     pub is_ending: bool,
     /// When it was told to end with its session.
@@ -125,9 +130,9 @@ pub struct ScheduleRule {
     pub state: RuleState,
     /// When a client was told that it has fired.
     pub told: Option<Instant>,
-    /// When the core first refused because an arm was still coming to rest.
+    /// When the core first refused because an arm was still coming to rest, or a stop was first not delivered.
     pub trying_since: Option<Instant>,
-    /// When the next attempt is due, after one in which the motion did not continue within the arm's limits.
+    /// When the next attempt is due, after one in which a motion did not continue, or a stop was not delivered.
     pub not_before: Option<Instant>,
     /// Number of the core's rule that does the same in the cycle in which the condition becomes true, if there is one.
     pub core: Option<u64>,
@@ -251,13 +256,13 @@ impl GatewayState {
     }
 
     /// Notes that a net has been started by a rule: it takes arms and outputs from those that ended.
-    pub fn started(&mut self, name: &str, rule: Option<u64>, now: Instant) {
+    pub fn started(&mut self, name: &str, rule: u64, now: Instant) {
         let Some(net) = self.nets.get_mut(name) else {
             return;
         };
         net.state = NetState::Running;
         net.asked = None;
-        net.held_by = rule.map(|rule| (rule, now));
+        net.held_by = Some((rule, now));
         let uses = net.uses.clone();
         for (other, net) in &mut self.nets {
             if other != name && net.state.is_over() && !net.uses.is_disjoint(&uses) {

@@ -3,13 +3,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rcc_api::bodies::{CommandView, StatusView, TopicView};
 use rcc_client::published::{PublishedTopic, streams};
 use rcc_client::{Cell, ClientError, LoaderClient, RequestError};
-use rcc_process::helpers;
 use rcc_recording::cdr::CdrWriter;
 
 use crate::loader::loader;
@@ -20,9 +19,11 @@ use crate::raw::RawMessage;
 use crate::services::OperationServers;
 use crate::topics::TopicType;
 use crate::trajectory::server::TrajectoryServers;
+use rcc_process::readers::{EndRequest, Reader, Readers};
 
 /// Time between two looks.
 const EVERY: Duration = Duration::from_millis(200);
+
 /// Options of the thread that looks at the nets.
 pub struct NetsOptions {
     /// Name of the cell.
@@ -38,14 +39,13 @@ pub struct NetsOptions {
 }
 
 /// Looks at the nets until `ends`.
-pub fn run(options: NetsOptions, node: Arc<RosNode>, ends: &Arc<AtomicBool>) {
+pub fn run(options: NetsOptions, node: Arc<RosNode>, ends: &AtomicBool) {
     let mut observer = NetsObserver {
         options,
         node,
-        ends: Arc::clone(ends),
         topics: BTreeSet::new(),
         publishers: BTreeMap::new(),
-        generation: Arc::default(),
+        readers: Readers::new("topics"),
         problem: String::new(),
     };
     let client = match loader(&observer.options.cell) {
@@ -63,19 +63,17 @@ pub fn run(options: NetsOptions, node: Arc<RosNode>, ends: &Arc<AtomicBool>) {
         }
         std::thread::sleep(EVERY);
     }
-    observer.end_readers();
+    observer.readers.end();
 }
 
 struct NetsObserver {
     options: NetsOptions,
     node: Arc<RosNode>,
-    ends: Arc<AtomicBool>,
     /// Topics of the present readers.
     topics: BTreeSet<PublishedTopic>,
     /// Every topic that was published so far, with its type.
     publishers: BTreeMap<String, (TopicType, Arc<RawPublisher>)>,
-    /// Counts changes of `topics`: a reader of an older number ends.
-    generation: Arc<AtomicU64>,
+    readers: Readers<TopicReader>,
     /// The last problem, so that it is logged once.
     problem: String,
 }
@@ -87,7 +85,9 @@ impl NetsObserver {
         }
         let views: Vec<TopicView> = client.get("/topics")?;
         let published = PublishedTopic::all(&views);
-        if published != self.topics {
+        if published == self.topics {
+            self.readers.restart_ended();
+        } else {
             let status: StatusView = client.get("/status")?;
             let base_rate_hz = 1e9 / status.executor.period_ns.max(1) as f64;
             self.read(published, base_rate_hz);
@@ -108,19 +108,12 @@ impl NetsObserver {
             tracing::warn!("cell `{}`: {words}", self.options.cell);
             self.problem = words;
         }
-        self.end_readers();
-    }
-
-    fn end_readers(&mut self) {
         self.topics.clear();
-        // Release pairs with the acquire of the readers.
-        self.generation.fetch_add(1, Ordering::Release);
+        self.readers.end();
     }
 
     /// Begins to read these topics.
     fn read(&mut self, published: BTreeSet<PublishedTopic>, base_rate_hz: f64) {
-        // Release pairs with the acquire of the readers.
-        let generation = self.generation.fetch_add(1, Ordering::Release) + 1;
         let topics = published.iter();
         let senders: Vec<(u64, TopicSender)> = topics
             .filter_map(|topic| Some((topic.id, self.sender(topic)?)))
@@ -129,24 +122,12 @@ impl NetsObserver {
         if left_out > 0 {
             tracing::warn!("topics of {left_out} nets are not sent: too many nets publish");
         }
-        for senders in streams {
-            let reader = TopicReader {
-                cell: self.options.cell.clone(),
-                senders,
-                rate_hz: self.options.rate_hz.min(base_rate_hz),
-                generation: (Arc::clone(&self.generation), generation),
-                ends: Arc::clone(&self.ends),
-            };
-            let started = helpers::thread("topics", move || {
-                if let Err(error) = reader.read() {
-                    // The next look sees what has become of the nets.
-                    tracing::debug!(%error, "values end");
-                }
-            });
-            if let Err(error) = started {
-                tracing::error!(%error, "topics of nets are not published");
-            }
-        }
+        let readers = streams.into_iter().map(|senders| TopicReader {
+            cell: self.options.cell.clone(),
+            senders,
+            rate_hz: self.options.rate_hz.min(base_rate_hz),
+        });
+        self.readers.replace(readers.collect());
         self.topics = published;
     }
 
@@ -197,13 +178,12 @@ struct TopicReader {
     cell: String,
     senders: Vec<TopicSender>,
     rate_hz: f64,
-    /// The present number, and that of this reader.
-    generation: (Arc<AtomicU64>, u64),
-    ends: Arc<AtomicBool>,
 }
 
-impl TopicReader {
-    fn read(&self) -> Result<(), ClientError> {
+impl Reader for TopicReader {
+    type Error = ClientError;
+
+    fn read(&self, end: &EndRequest) -> Result<(), ClientError> {
         let cell = Cell::local(&self.cell)?;
         let ports: Vec<&str> = self
             .senders
@@ -211,11 +191,9 @@ impl TopicReader {
             .map(|one| one.command.as_str())
             .collect();
         let mut out = CdrWriter::new();
-        let (present, own) = &self.generation;
         for sample in cell.watch(&ports, self.rate_hz)? {
             let sample = sample?;
-            // Acquire pairs with the release of the observer, and of the thread that ends the program.
-            if present.load(Ordering::Acquire) != *own || self.ends.load(Ordering::Acquire) {
+            if end.is_made() {
                 return Ok(());
             }
             for sender in self.senders.iter().filter(|one| one.id == sample.id) {

@@ -15,6 +15,7 @@ pub mod log_throttle;
 pub mod notify;
 pub mod oom;
 pub mod priority;
+pub mod readers;
 pub mod signals;
 
 pub use arguments::CellArguments;

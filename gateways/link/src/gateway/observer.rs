@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
@@ -18,6 +18,7 @@ use super::values::ValueReader;
 use super::{GatewayOptions, News, tell};
 use crate::keys::is_topic;
 use crate::overview::CellOverview;
+use rcc_process::readers::Readers;
 
 /// Time between two looks.
 const EVERY: Duration = Duration::from_millis(200);
@@ -35,8 +36,7 @@ pub(super) struct Observer {
     stop: Arc<AtomicBool>,
     /// Topics of the present readers.
     topics: BTreeSet<PublishedTopic>,
-    /// Counts changes of `topics`: a reader of an older number ends.
-    generation: Arc<AtomicU64>,
+    readers: Readers<ValueReader>,
     /// Position in the event log.
     after: Option<String>,
     states: BTreeMap<u64, String>,
@@ -62,7 +62,7 @@ impl Observer {
             told,
             stop,
             topics: BTreeSet::new(),
-            generation: Arc::default(),
+            readers: Readers::new("values"),
             after: None,
             states: BTreeMap::new(),
             event: None,
@@ -134,10 +134,9 @@ impl Observer {
     }
 
     fn end_readers(&mut self) {
+        self.readers.end();
         let gone = std::mem::take(&mut self.topics);
         if !gone.is_empty() {
-            // Release pairs with the acquire of the readers.
-            self.generation.fetch_add(1, Ordering::Release);
             tell(&self.told, News::Gone(gone.into_iter().collect()));
         }
     }
@@ -147,6 +146,7 @@ impl Observer {
         let mut published = PublishedTopic::all(&views);
         published.retain(|topic| leaves(&topic.topic, &self.publish));
         if published == self.topics {
+            self.readers.restart_ended();
             return Ok(());
         }
         let names = |topics: &BTreeSet<PublishedTopic>| -> BTreeSet<String> {
@@ -158,8 +158,6 @@ impl Observer {
             .iter()
             .filter(|topic| !now.contains(&topic.topic));
         let gone: Vec<PublishedTopic> = gone.cloned().collect();
-        // Release pairs with the acquire of the readers.
-        let generation = self.generation.fetch_add(1, Ordering::Release) + 1;
         let topics = published.iter().map(|topic| (topic.id, topic.clone()));
         let (streams, left_out) = streams(topics);
         if left_out > 0 {
@@ -167,18 +165,13 @@ impl Observer {
                 "topics of {left_out} nets do not leave the cell: too many nets publish"
             );
         }
-        for topics in streams {
-            let reader = ValueReader {
-                cell: self.cell.clone(),
-                topics: Arc::new(topics),
-                rate_hz: self.rate_hz.min(base_rate_hz),
-                told: self.told.clone(),
-                generation: (Arc::clone(&self.generation), generation),
-            };
-            if let Err(error) = reader.start() {
-                tracing::error!(%error, "a thread cannot be made");
-            }
-        }
+        let readers = streams.into_iter().map(|topics| ValueReader {
+            cell: self.cell.clone(),
+            topics: Arc::new(topics),
+            rate_hz: self.rate_hz.min(base_rate_hz),
+            told: self.told.clone(),
+        });
+        self.readers.replace(readers.collect());
         self.topics = published;
         if !gone.is_empty() {
             tell(&self.told, News::Gone(gone));

@@ -1,4 +1,8 @@
-//! The goals of one action: their states, and which of them a request for CANCEL means. Pure.
+//! The goals of one action: their states, and which of them a request for CANCEL means. Used by the serving thread; the thread
+//! that starts goals sees which of them were cancelled before.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use ros2_client::action_msgs::{GoalId, GoalInfo, GoalStatus, GoalStatusArray, GoalStatusEnum};
 use ros2_client::builtin_interfaces::Time;
@@ -16,7 +20,19 @@ pub struct CancelRequest {
     pub goal_info: GoalInfo,
 }
 
-/// A goal.
+impl CancelRequest {
+    /// Returns true for the goal of its id, and for those until its time; for all if both are 0 (action_msgs/CancelGoal).
+    fn means(&self, id: GoalId, since: Option<Time>) -> bool {
+        let GoalInfo { goal_id, stamp } = self.goal_info;
+        match (goal_id == GoalId::ZERO, stamp == Time::ZERO) {
+            (true, true) => true,
+            (false, true) => id == goal_id,
+            (_, false) => id == goal_id || since.is_some_and(|since| since <= stamp),
+        }
+    }
+}
+
+/// A goal that was started or refused.
 #[derive(Clone, Debug)]
 pub struct KnownGoal {
     /// Its id.
@@ -29,14 +45,90 @@ pub struct KnownGoal {
     pub outcome: Option<Outcome>,
 }
 
+/// Whether a client has cancelled a goal that does not move the arm yet: it must not be started.
+#[derive(Clone, Debug, Default)]
+pub struct CancelFlag(Arc<AtomicBool>);
+
+impl CancelFlag {
+    /// Returns true if it was cancelled.
+    #[must_use]
+    pub fn is_set(&self) -> bool {
+        // Acquire pairs with the release of `set`.
+        self.0.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn set(&self) {
+        // Release pairs with the acquire of `is_set`.
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+/// A goal that waits, or that is checked, rehearsed and started.
+#[derive(Clone, Debug)]
+struct PendingGoal {
+    id: GoalId,
+    arrived: Time,
+    cancelled: CancelFlag,
+}
+
 /// The goals of one action, in the order of their arrival.
 #[derive(Clone, Debug, Default)]
 pub struct GoalTable {
+    pending: Vec<PendingGoal>,
+    /// Those that were started or refused.
     goals: Vec<KnownGoal>,
 }
 
 impl GoalTable {
-    /// Returns a goal.
+    /// Adds a goal that is to be started.
+    pub fn wait(&mut self, id: GoalId, now: Time, cancelled: CancelFlag) {
+        self.pending.push(PendingGoal {
+            id,
+            arrived: now,
+            cancelled,
+        });
+    }
+
+    /// Removes a goal that was started, or is not. Returns true if it was cancelled meanwhile.
+    pub fn end_wait(&mut self, id: GoalId) -> bool {
+        let found = self.pending.iter().position(|goal| goal.id == id);
+        found.is_some_and(|place| self.pending.remove(place).cancelled.is_set())
+    }
+
+    /// Returns true while a goal is to be started.
+    #[must_use]
+    pub fn waits(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
+    /// Returns true for a goal that is to be started.
+    #[must_use]
+    pub fn is_pending(&self, id: GoalId) -> bool {
+        self.pending.iter().any(|goal| goal.id == id)
+    }
+
+    /// Returns true if a goal of this id has come before.
+    #[must_use]
+    pub fn knows(&self, id: GoalId) -> bool {
+        self.is_pending(id) || self.of(id).is_some()
+    }
+
+    /// Cancels the goals that a request means and that are to be started, and returns them. The time of such a goal is that of
+    /// its arrival.
+    pub fn cancel_pending(&mut self, request: &CancelRequest) -> Vec<GoalInfo> {
+        let pending = self.pending.iter();
+        let meant = pending.filter(|goal| request.means(goal.id, Some(goal.arrived)));
+        let cancelled = meant.map(|goal| {
+            goal.cancelled.set();
+            GoalInfo {
+                goal_id: goal.id,
+                stamp: goal.arrived,
+            }
+        });
+        cancelled.collect()
+    }
+
+    /// Returns a goal that was started or refused.
     #[must_use]
     pub fn of(&self, id: GoalId) -> Option<&KnownGoal> {
         self.goals.iter().find(|goal| goal.id == id)
@@ -107,19 +199,11 @@ impl GoalTable {
         }
     }
 
-    /// Returns the goals that a request means and that have not ended: the one of its id, and those that were accepted until
-    /// its time; all if both are 0 (action_msgs/CancelGoal).
+    /// Returns the started goals that a request means and that have not ended.
     #[must_use]
     pub fn meant(&self, request: &CancelRequest) -> Vec<GoalId> {
-        let GoalInfo { goal_id, stamp } = request.goal_info;
         let living = self.goals.iter().filter(|goal| goal.outcome.is_none());
-        let meant = living.filter(
-            |goal| match (goal_id == GoalId::ZERO, stamp == Time::ZERO) {
-                (true, true) => true,
-                (false, true) => goal.id == goal_id,
-                (_, false) => goal.id == goal_id || goal.accepted.is_some_and(|at| at <= stamp),
-            },
-        );
+        let meant = living.filter(|goal| request.means(goal.id, goal.accepted));
         meant.map(|goal| goal.id).collect()
     }
 }
@@ -148,6 +232,52 @@ mod tests {
         table.end(a, GoalStatusEnum::Succeeded, Outcome::default());
         assert_eq!(table.meant(&request(GoalId::ZERO, 0)), [b, c]);
         assert_eq!(table.meant(&request(a, 0)), []);
+    }
+
+    #[test]
+    fn cancel_also_means_goals_that_are_to_be_started() {
+        let ids = |goals: Vec<GoalInfo>| -> Vec<GoalId> {
+            goals.iter().map(|goal| goal.goal_id).collect()
+        };
+        let [a, b, c] = [(); 3].map(|()| GoalId::new_random());
+        // Each request with the goals that it means, of those that have come at 10, 20 and 30 ns.
+        for (asked, meant) in [
+            (request(GoalId::ZERO, 0), vec![a, b, c]),
+            (request(b, 0), vec![b]),
+            (request(GoalId::ZERO, 20), vec![a, b]),
+            (request(c, 10), vec![a, c]),
+            (request(GoalId::new_random(), 0), vec![]),
+        ] {
+            let mut table = GoalTable::default();
+            let flags = [(a, 10), (b, 20), (c, 30)].map(|(id, at)| {
+                let cancelled = CancelFlag::default();
+                table.wait(id, Time::from_nanos(at), cancelled.clone());
+                (id, cancelled)
+            });
+            assert_eq!(ids(table.cancel_pending(&asked)), meant, "{asked:?}");
+            for (id, cancelled) in flags {
+                // The starter sees it, and so does who takes what the starter has done.
+                let is_meant = meant.contains(&id);
+                assert_eq!(
+                    (cancelled.is_set(), table.end_wait(id)),
+                    (is_meant, is_meant)
+                );
+            }
+            assert!(!table.waits());
+        }
+    }
+
+    #[test]
+    fn a_goal_that_is_to_be_started_is_known_and_has_no_state_yet() {
+        let mut table = GoalTable::default();
+        let id = GoalId::new_random();
+        assert!(!table.knows(id));
+        table.wait(id, Time::from_nanos(1), CancelFlag::default());
+        assert!(table.knows(id) && table.is_pending(id) && table.waits());
+        assert!(table.of(id).is_none() && table.statuses().status_list.is_empty());
+        assert!(!table.end_wait(id), "nobody has cancelled it");
+        table.accept(id, Time::from_nanos(2));
+        assert!(table.knows(id) && !table.is_pending(id) && !table.waits());
     }
 
     #[test]

@@ -5,12 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use rcc_client::{Cell, ClientError, OnClientLoss};
+use rcc_client::{Cell, ClientError, Command, OnClientLoss};
 use rcc_config::CellConfig;
 use rcc_recording::table::field_name;
 
 use crate::cell::ArmStates;
 use crate::names::GOAL_NETS;
+use crate::trajectory::goals::CancelFlag;
 use crate::trajectory::messages::Goal;
 use crate::trajectory::motion::{GoalArm, GoalMotion, GoalNet, Refusal};
 
@@ -61,24 +62,32 @@ impl GoalStarter {
         }
     }
 
-    /// Checks, rehearses and starts a goal; it replaces the one that runs.
+    /// Checks, rehearses and starts a goal; it replaces the one that runs. A goal that is cancelled before START is not
+    /// started, and leaves the one that runs alone if that was not stopped yet.
     ///
     /// # Errors
-    /// Refuses what no net can follow. A goal that runs goes on then, unless the arm had to be stopped before the new one
-    /// could begin.
-    pub fn start(&mut self, goal: &Goal) -> Result<StartedGoal, Refusal> {
+    /// Refuses what no net can follow, and what was cancelled. A goal that runs goes on then, unless the arm had to be stopped
+    /// before the new one could begin.
+    pub fn start(&mut self, goal: &Goal, cancelled: &CancelFlag) -> Result<StartedGoal, Refusal> {
+        // It may have waited behind others.
+        unless(cancelled)?;
         let cell = match self.cell.take() {
             Some(cell) => cell,
             None => Cell::local(&self.cell_name).map_err(refused)?,
         };
-        let started = self.start_at(&cell, goal);
+        let started = self.start_at(&cell, goal, cancelled);
         self.cell = Some(cell);
         let started = started?;
         self.last = Some(started.command);
         Ok(started)
     }
 
-    fn start_at(&self, cell: &Cell, goal: &Goal) -> Result<StartedGoal, Refusal> {
+    fn start_at(
+        &self,
+        cell: &Cell,
+        goal: &Goal,
+        cancelled: &CancelFlag,
+    ) -> Result<StartedGoal, Refusal> {
         let arm = self.arm(cell)?;
         let motion = GoalMotion::of(goal, &arm)?;
         let name = format!("{GOAL_NETS}{}", field_name(&self.device).replace('_', "-"));
@@ -87,52 +96,55 @@ impl GoalStarter {
             true => None,
             false => Some(motion.net(&arm, &name, None)?),
         };
-        let running = self.last.and_then(|id| self.runs(cell, id));
-        let (command, net) = match (running, planned) {
-            (None, Some(net)) => (start(cell, &net)?, net),
-            (Some(old), Some(net)) => (self.replace(cell, old, &net)?, net),
-            (running, None) => {
-                if let Some(old) = running {
+        let mut running = self.last.and_then(|id| self.runs(cell, id));
+        let net = match planned {
+            Some(net) => net,
+            None => {
+                if let Some(old) = running.take() {
+                    unless(cancelled)?;
                     stop(cell, old)?;
                 }
                 let rest = self.states.of(&self.device).ok_or_else(|| {
                     Refusal::invalid(format!("the driver of `{}` does not answer", self.device))
                 })?;
-                let net = motion.net(&arm, &name, Some(&rest.commanded))?;
-                (start(cell, &net)?, net)
+                motion.net(&arm, &name, Some(&rest.commanded))?
             }
         };
         Ok(StartedGoal {
-            command,
+            command: self.load_and_start(cell, running, &net, cancelled)?,
             joints: arm.joints,
             motion,
             end: net.end,
         })
     }
 
-    /// Hands the arm over if the new motion continues the old one; else the old one stops first.
-    fn replace(&self, cell: &Cell, old: u64, net: &GoalNet) -> Result<u64, Refusal> {
-        let running = cell.command(&old.to_string()).map_err(refused)?;
-        let new = cell.load(&net.text).map_err(refused)?;
-        let handed_over = cell.switch_with(&[&running], &[&new], OnClientLoss::Cancel);
-        let started = match handed_over {
-            Ok(_) => return Ok(new.id()),
-            Err(error) => {
-                tracing::info!(%error, "no hand-over: the running goal is cancelled first");
-                let started = stop(cell, old)
-                    .and_then(|()| new.start_with(OnClientLoss::Cancel).map_err(refused));
-                started.map(|_| new.id())
-            }
+    /// LOAD, which rehearses, and START, or the hand-over from a net that runs.
+    fn load_and_start(
+        &self,
+        cell: &Cell,
+        running: Option<u64>,
+        net: &GoalNet,
+        cancelled: &CancelFlag,
+    ) -> Result<u64, Refusal> {
+        let running = match running {
+            Some(old) => Some(cell.command(&old.to_string()).map_err(refused)?),
+            None => None,
         };
-        if started.is_err() {
+        let new = cell.load(&net.text).map_err(refused)?;
+        let started = match running {
+            Some(old) => replace(cell, &old, &new, cancelled),
+            None => begin(&new, cancelled),
+        };
+        if let Err(refusal) = started {
             // A request whose answer was lost may have been carried out: what is refused must not move the arm.
             if self.runs(cell, new.id()).is_some() {
                 stop(cell, new.id())?;
             }
             // The error that led here is the one to tell.
             let _ = new.unload();
+            return Err(refusal);
         }
-        started
+        Ok(new.id())
     }
 
     fn runs(&self, cell: &Cell, id: u64) -> Option<u64> {
@@ -170,10 +182,38 @@ fn refused(error: ClientError) -> Refusal {
     Refusal::invalid(error.to_string())
 }
 
-/// LOAD, which rehearses, and START.
-fn start(cell: &Cell, net: &GoalNet) -> Result<u64, Refusal> {
-    let command = cell.start(&net.text).map_err(refused)?;
-    Ok(command.id())
+/// Refuses a goal that was cancelled.
+fn unless(cancelled: &CancelFlag) -> Result<(), Refusal> {
+    match cancelled.is_set() {
+        true => Err(Refusal::invalid("cancelled before it was started")),
+        false => Ok(()),
+    }
+}
+
+/// START.
+fn begin(new: &Command<'_>, cancelled: &CancelFlag) -> Result<(), Refusal> {
+    // While the net was rehearsed, or the arm came to rest.
+    unless(cancelled)?;
+    new.start_with(OnClientLoss::Cancel)
+        .map(drop)
+        .map_err(refused)
+}
+
+/// Hands the arm over if the new motion continues the old one; else the old one stops first.
+fn replace(
+    cell: &Cell,
+    old: &Command<'_>,
+    new: &Command<'_>,
+    cancelled: &CancelFlag,
+) -> Result<(), Refusal> {
+    unless(cancelled)?;
+    let Err(error) = cell.switch_with(&[old], &[new], OnClientLoss::Cancel) else {
+        return Ok(());
+    };
+    tracing::info!(%error, "no hand-over: the running goal is cancelled first");
+    unless(cancelled)?;
+    stop(cell, old.id())?;
+    begin(new, cancelled)
 }
 
 /// CANCEL, and waits for the end.
@@ -185,3 +225,6 @@ fn stop(cell: &Cell, id: u64) -> Result<(), Refusal> {
     }
     command.wait(Some(REST_MAX)).map(drop).map_err(refused)
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender};
 
 use rcc_api::bodies::{CommandView, Done};
-use rcc_api::codes::UNKNOWN_COMMAND;
+use rcc_api::codes::{UNKNOWN_COMMAND, WRONG_STATE};
 use rcc_client::LoaderClient;
 use rcc_recording::cdr::CdrWriter;
 use rcc_recording::messages::{self, LogLevel};
@@ -21,7 +21,7 @@ use super::ending::{self, Ending};
 use crate::cell::{ArmState, ArmStates};
 use crate::node::RawPublisher;
 use crate::raw::RawMessage;
-use crate::trajectory::goals::{CancelRequest, GoalTable};
+use crate::trajectory::goals::{CancelFlag, CancelRequest, GoalTable};
 use crate::trajectory::messages::{Feedback, Goal, Header, JointPoint, Outcome, Stamp};
 use crate::trajectory::motion::Refusal;
 use crate::trajectory::starter::{GoalStarter, StartedGoal};
@@ -34,6 +34,7 @@ pub(super) struct WantedGoal {
     request: RmwRequestId,
     id: GoalId,
     goal: Box<Goal>,
+    cancelled: CancelFlag,
 }
 
 /// News about a goal.
@@ -53,12 +54,12 @@ pub(super) fn work(
     waker: Arc<Waker>,
 ) -> impl FnOnce() + Send + 'static {
     move || {
-        for WantedGoal { request, id, goal } in waiting {
+        for wanted in waiting {
             let news = GoalNews {
                 device: device.clone(),
-                request,
-                id,
-                result: starter.start(&goal),
+                request: wanted.request,
+                id: wanted.id,
+                result: starter.start(&wanted.goal, &wanted.cancelled),
             };
             if told.send(news).is_err() || waker.wake().is_err() {
                 return;
@@ -84,8 +85,6 @@ pub(super) struct ArmAction {
     /// `/rosout`.
     log: RawPublisher,
     wanted: SyncSender<WantedGoal>,
-    /// Goals that are being started.
-    starting: usize,
     goals: GoalTable,
     active: Option<ActiveGoal>,
     /// Requests for results of goals that have not ended.
@@ -103,7 +102,6 @@ impl ArmAction {
             server,
             log,
             wanted,
-            starting: 0,
             goals: GoalTable::default(),
             active: None,
             asked: Vec::new(),
@@ -114,29 +112,17 @@ impl ArmAction {
         self.active.is_some()
     }
 
-    /// Takes all requests.
+    /// Takes all requests. Goals first: DDS keeps no order between two services, and a CANCEL must reach every goal that was
+    /// sent before it. It may so mean one that was sent after it, which then does not move the arm.
     pub fn serve(&mut self, client: &LoaderClient) {
-        while let Some((request, asked)) = taken(self.server.receive_cancel_request()) {
-            self.cancel(client, request, &asked);
-        }
         while let Some((request, asked)) = taken(self.server.receive_goal()) {
             let id = asked.goal_id;
-            let wanted = WantedGoal {
-                request,
-                id,
-                goal: Box::new(asked.goal),
-            };
-            let refusal = match self.goals.of(id) {
-                Some(_) => Some("a goal of this id was sent before"),
-                None => match self.wanted.try_send(wanted) {
-                    Ok(()) => None,
-                    Err(_) => Some("too many goals wait: send one after the other"),
-                },
-            };
-            match refusal {
-                None => self.starting += 1,
-                Some(words) => self.answer_goal(request, id, Some(words)),
+            if let Err(words) = self.want(request, id, asked.goal) {
+                self.answer_goal(request, id, Some(words));
             }
+        }
+        while let Some((request, asked)) = taken(self.server.receive_cancel_request()) {
+            self.cancel(client, request, &asked);
         }
         while let Some((request, asked)) = taken(self.server.receive_result_request()) {
             if self.asked.len() >= ASKED_MAX {
@@ -147,10 +133,34 @@ impl ArmAction {
         self.answer_results();
     }
 
+    /// Gives a goal to the thread that starts them, or returns why not.
+    fn want(&mut self, request: RmwRequestId, id: GoalId, goal: Goal) -> Result<(), &'static str> {
+        if self.goals.knows(id) {
+            return Err("a goal of this id was sent before");
+        }
+        let cancelled = CancelFlag::default();
+        let wanted = WantedGoal {
+            request,
+            id,
+            goal: Box::new(goal),
+            cancelled: cancelled.clone(),
+        };
+        let sent = self.wanted.try_send(wanted);
+        sent.map_err(|_| "too many goals wait: send one after the other")?;
+        self.goals.wait(id, Time::now(), cancelled);
+        Ok(())
+    }
+
     /// Takes what the thread has done that starts goals.
     pub fn started(&mut self, client: &LoaderClient, news: GoalNews) {
-        self.starting = self.starting.saturating_sub(1);
+        let is_cancelled = self.goals.end_wait(news.id);
         match news.result {
+            // Whoever cancelled it was told so: it was a goal, and has ended.
+            Err(_) if is_cancelled => {
+                self.goals.accept(news.id, Time::now());
+                self.answer_goal(news.request, news.id, None);
+                self.end(news.id, ending::not_started());
+            }
             Err(Refusal(outcome)) => {
                 self.answer_goal(news.request, news.id, Some(&outcome.error_string));
                 self.goals.refuse(news.id, outcome);
@@ -162,12 +172,18 @@ impl ArmAction {
                 }
                 self.goals.accept(news.id, Time::now());
                 self.answer_goal(news.request, news.id, None);
+                let command = started.command;
                 self.active = Some(ActiveGoal {
                     id: news.id,
                     started,
-                    is_cancelled: false,
+                    is_cancelled,
                     violation: None,
                 });
+                // The starter has looked just before START.
+                if is_cancelled {
+                    self.goals.set(news.id, GoalStatusEnum::Canceling);
+                    self.cancel_again(client, command);
+                }
             }
         }
         self.publish_states();
@@ -212,7 +228,10 @@ impl ArmAction {
             None if meant.is_empty() => CancelGoalResponseEnum::UnknownGoal,
             _ => CancelGoalResponseEnum::Rejected,
         };
-        let mut goals_canceling = Vec::new();
+        let mut goals_canceling = self.goals.cancel_pending(&asked);
+        if !goals_canceling.is_empty() {
+            return_code = CancelGoalResponseEnum::None;
+        }
         if let Some(active) = self
             .active
             .as_mut()
@@ -240,6 +259,13 @@ impl ArmAction {
         self.publish_states();
     }
 
+    /// CANCEL of a net whose goal was cancelled before; [`ArmAction::turn`] repeats it until the net is cancelled.
+    fn cancel_again(&self, client: &LoaderClient, command: u64) {
+        if let Err(words) = cancel_net(client, command) {
+            tracing::warn!(device = self.device, "CANCEL is refused: {words}");
+        }
+    }
+
     /// Sends feedback, or ends the goal whose net has ended.
     pub fn turn(&mut self, client: &LoaderClient, states: &ArmStates) {
         let Some(active) = &self.active else { return };
@@ -249,7 +275,7 @@ impl ArmAction {
         let ending = match view {
             Ok(view) if view.state == "terminated" => {
                 // The goal that replaces it says so.
-                if self.starting > 0 && view.reason.as_deref() != Some("finished") {
+                if self.goals.waits() && view.reason.as_deref() != Some("finished") {
                     return;
                 }
                 let goal = ending::EndedGoal {
@@ -260,7 +286,10 @@ impl ArmAction {
                 };
                 ending::of(&view, &goal)
             }
-            Ok(_) => {
+            Ok(view) => {
+                if active.is_cancelled && view.state == "running" {
+                    self.cancel_again(client, command);
+                }
                 if let Some(state) = state {
                     self.feedback(client, &state);
                 }
@@ -350,6 +379,10 @@ impl ArmAction {
                         continue;
                     }
                 },
+                None if self.goals.is_pending(id) => {
+                    self.asked.push((request, id));
+                    continue;
+                }
                 None => (GoalStatusEnum::Unknown, Outcome::default()),
             };
             told(
@@ -360,10 +393,13 @@ impl ArmAction {
     }
 }
 
-/// CANCEL of a command.
+/// CANCEL of a command; one that comes to rest already, or has ended, needs none.
 fn cancel_net(client: &LoaderClient, command: u64) -> Result<(), String> {
     let done: Result<Done, _> = client.post(&format!("/commands/{command}/cancel"), String::new());
-    done.map(drop).map_err(|error| error.to_string())
+    match done {
+        Err(error) if error.body.code != WRONG_STATE.code => Err(error.to_string()),
+        _ => Ok(()),
+    }
 }
 
 fn unload(client: &LoaderClient, command: u64) {
@@ -387,5 +423,31 @@ fn taken<T, E: std::fmt::Debug>(received: Result<Option<T>, E>) -> Option<T> {
 fn told<E: std::fmt::Debug>(sent: Result<(), E>) {
     if let Err(error) = sent {
         tracing::debug!(?error, "a request is not answered");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use rcc_api::codes::DEVICE_NOT_READY;
+    use serde_json::json;
+
+    use super::*;
+    use crate::trajectory::fake_loader::FakeLoader;
+
+    #[test]
+    fn a_net_that_comes_to_rest_already_is_cancelled() {
+        let loader = FakeLoader::new("cancel", |request| match request {
+            "POST /commands/7/cancel" => Ok(json!({"id": 7, "net": "goal", "cycle": 1})),
+            "POST /commands/8/cancel" => Err(WRONG_STATE.code),
+            _ => Err(DEVICE_NOT_READY.code),
+        });
+        let client = LoaderClient::new("test", &loader.socket, Duration::from_secs(60));
+        let client = client.expect("a client");
+        assert_eq!(cancel_net(&client, 7), Ok(()));
+        assert_eq!(cancel_net(&client, 8), Ok(()));
+        let refused = cancel_net(&client, 9).expect_err("refused");
+        assert!(refused.contains(DEVICE_NOT_READY.code), "{refused}");
     }
 }

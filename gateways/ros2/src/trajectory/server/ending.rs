@@ -43,6 +43,15 @@ pub(super) fn replaced() -> Ending {
     )
 }
 
+/// A client has cancelled it before it moved the arm.
+pub(super) fn not_started() -> Ending {
+    ending(
+        GoalStatusEnum::Canceled,
+        code::SUCCESSFUL,
+        "cancelled before it was started",
+    )
+}
+
 /// Nobody knows the net any more: the executor was restarted, or somebody unloaded it.
 pub(super) fn gone(words: &str) -> Ending {
     ending(
