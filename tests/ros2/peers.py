@@ -270,7 +270,7 @@ def topics_of_nets_are_received(peer, cell):
     cell.cli("unload", "give-2")
 
 
-def nets_are_started_and_cancelled(peer, cell):
+def nets_are_started_and_canceled(peer, cell):
     cell.load(GIVE)
     answer = peer.call("/ros2/give_2/start")
     assert answer.success and "start in cycle" in answer.message, answer
@@ -480,7 +480,7 @@ def what_the_cell_does_ends_the_goal(peer, cell, client):
     peer.next(JointState, "/joint_states", 10, lambda state: state.position[0] < here[0] - 0.02)
     cell.cli("cancel", "ros2-goal-arm", "--wait", check=False)
     status, code, words = client.result(goal_id)
-    assert (status, code) == (ABORTED, -4) and "cancelled at the cell" in words, (status, code, words)
+    assert (status, code) == (ABORTED, -4) and "canceled at the cell" in words, (status, code, words)
     # While a net of the cell holds the arm, a goal does not get it.
     here = position(peer)
     cell.load(hold(here))
@@ -491,7 +491,7 @@ def what_the_cell_does_ends_the_goal(peer, cell, client):
     assert "hold" in words and "RCC3004" in words, words
     cell.cli("cancel", "hold", "--wait", check=False)
     cell.cli("unload", "hold")
-    # The loader dies: the executor moves the arm. If it is not back in time, the lease is lost, and the net is cancelled.
+    # The loader dies: the executor moves the arm. If it is not back in time, the lease is lost, and the net is canceled.
     goal_id, accepted = client.send(goal(JOINTS, (0.0, here), (4.0, there)))
     assert accepted, client.result(goal_id)
     peer.next(JointState, "/joint_states", 10, lambda state: state.position[0] < here[0] - 0.02)
@@ -568,7 +568,7 @@ def main():
                 joint_states_are_received,
                 the_other_topics_are_received,
                 topics_of_nets_are_received,
-                nets_are_started_and_cancelled,
+                nets_are_started_and_canceled,
                 inputs_are_parameters,
                 without_control_nothing_is_started,
                 a_restarted_executor_is_followed,

@@ -164,7 +164,7 @@ fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
             state.rules.retain(|_, rule| rule.session != name);
             let nets = state.nets.iter_mut().filter(|(_, net)| net.session == name);
             for (name, net) in nets.filter(|(_, net)| net.state.is_active()) {
-                let since = *net.cancelled_at.get_or_insert(now);
+                let since = *net.canceled_at.get_or_insert(now);
                 let is_first = since == now;
                 let is_late = now.duration_since(since) > CANCEL_TIME_MAX;
                 if net.command.is_some() && (is_first || is_late) {

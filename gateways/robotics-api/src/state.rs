@@ -83,7 +83,7 @@ pub struct GatewayNet {
     /// True once it was told to end.
     pub is_ending: bool,
     /// When it was told to end with its session.
-    pub cancelled_at: Option<Instant>,
+    pub canceled_at: Option<Instant>,
 }
 
 /// The state of a rule.

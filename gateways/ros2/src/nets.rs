@@ -1,4 +1,4 @@
-//! Looks at the cell's nets five times a second: which topics are published, which nets can be started or cancelled, and the
+//! Looks at the cell's nets five times a second: which topics are published, which nets can be started or canceled, and the
 //! values of their Inputs. A thread of its own; follows the cell over restarts of its processes.
 
 use std::collections::{BTreeMap, BTreeSet};

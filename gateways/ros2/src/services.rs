@@ -47,7 +47,7 @@ type TriggerServer = Server<TriggerRequest, TriggerAnswer>;
 /// The operation of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// START; the net is cancelled when this process is gone.
+    /// START; the net is canceled when this process is gone.
     Start,
     /// CANCEL.
     Cancel,

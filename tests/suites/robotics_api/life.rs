@@ -14,7 +14,7 @@ use super::client::{Client, Connection, LoadedNet, post};
 use super::gateway::{self, GatewayFixture};
 use super::nets::{AT_ONCE, IDLE, joint_positions, recorded, values};
 
-/// Starts a net that runs until it is cancelled.
+/// Starts a net that runs until it is canceled.
 fn idle(client: &mut Client) -> LoadedNet {
     let net = client.load(IDLE);
     let name = net.name.as_str();
@@ -258,7 +258,7 @@ fn a_gateway_drives_a_cell_that_it_did_not_make() {
 }
 
 #[test]
-fn nets_of_a_gateway_that_is_killed_are_cancelled_in_a_cell_that_lives_on() {
+fn nets_of_a_gateway_that_is_killed_are_canceled_in_a_cell_that_lives_on() {
     let config = rcc_tests::repository().join("configs/cells/two-arms.yaml");
     let cell = TestCell::start(&config, |text| text);
     let mut command = gateway::command(&cell);
@@ -270,7 +270,7 @@ fn nets_of_a_gateway_that_is_killed_are_cancelled_in_a_cell_that_lives_on() {
     assert_eq!(state(), "running");
     child.kill().expect("a child");
     child.wait().expect("a child");
-    await_some("the net to be cancelled", || {
+    await_some("the net to be canceled", || {
         (state() != "running").then_some(())
     });
     // Events are written after the state has changed.

@@ -117,7 +117,7 @@ fn an_arm_and_channels_are_created_and_driven() {
 }
 
 #[test]
-fn a_motion_is_cancelled_on_its_way_and_another_follows_it() {
+fn a_motion_is_canceled_on_its_way_and_another_follows_it() {
     let gateway = GatewayFixture::own(&[]);
     let mut client = Client::connect(gateway.port);
     client.create("lwr", "type=kuka_lwr_sim");
@@ -136,7 +136,7 @@ fn a_motion_is_cancelled_on_its_way_and_another_follows_it() {
     assert_completed(&mut client, &first);
     assert_completed(&mut client, &second);
 
-    // Cancelled while it runs: the arm brakes on its path, the net reports its cancel result and is stopped.
+    // Canceled while it runs: the arm brakes on its path, the net reports its cancel result and is stopped.
     client.create("iiwa", "type=kuka_iiwa_sim");
     let net = client.load(&recorded("flat/iiwa_lin-01-iiwa-ptp.net"));
     let name = net.name.as_str();
@@ -146,7 +146,7 @@ fn a_motion_is_cancelled_on_its_way_and_another_follows_it() {
     client.data.push(&net.tag, "ns(\"CANCELLING\")");
     let all = client.await_end(&net);
     let last = &all[all.len() - 2].text;
-    // Its result "cancelled".
+    // Its result "canceled".
     assert!(last.contains("out_3:\"true\""), "{last}");
     let stopped = positions(&client, "iiwa", 7);
     assert!(

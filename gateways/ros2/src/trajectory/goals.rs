@@ -1,5 +1,5 @@
 //! The goals of one action: their states, and which of them a request for CANCEL means. Used by the serving thread; the thread
-//! that starts goals sees which of them were cancelled before.
+//! that starts goals sees which of them were canceled before.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -45,12 +45,12 @@ pub struct KnownGoal {
     pub outcome: Option<Outcome>,
 }
 
-/// Whether a client has cancelled a goal that does not move the arm yet: it must not be started.
+/// Whether a client has canceled a goal that does not move the arm yet: it must not be started.
 #[derive(Clone, Debug, Default)]
 pub struct CancelFlag(Arc<AtomicBool>);
 
 impl CancelFlag {
-    /// Returns true if it was cancelled.
+    /// Returns true if it was canceled.
     #[must_use]
     pub fn is_set(&self) -> bool {
         // Acquire pairs with the release of `set`.
@@ -68,7 +68,7 @@ impl CancelFlag {
 struct PendingGoal {
     id: GoalId,
     arrived: Time,
-    cancelled: CancelFlag,
+    canceled: CancelFlag,
 }
 
 /// The goals of one action, in the order of their arrival.
@@ -81,18 +81,18 @@ pub struct GoalTable {
 
 impl GoalTable {
     /// Adds a goal that is to be started.
-    pub fn wait(&mut self, id: GoalId, now: Time, cancelled: CancelFlag) {
+    pub fn wait(&mut self, id: GoalId, now: Time, canceled: CancelFlag) {
         self.pending.push(PendingGoal {
             id,
             arrived: now,
-            cancelled,
+            canceled,
         });
     }
 
-    /// Removes a goal that was started, or is not. Returns true if it was cancelled meanwhile.
+    /// Removes a goal that was started, or is not. Returns true if it was canceled meanwhile.
     pub fn end_wait(&mut self, id: GoalId) -> bool {
         let found = self.pending.iter().position(|goal| goal.id == id);
-        found.is_some_and(|place| self.pending.remove(place).cancelled.is_set())
+        found.is_some_and(|place| self.pending.remove(place).canceled.is_set())
     }
 
     /// Returns true while a goal is to be started.
@@ -118,14 +118,14 @@ impl GoalTable {
     pub fn cancel_pending(&mut self, request: &CancelRequest) -> Vec<GoalInfo> {
         let pending = self.pending.iter();
         let meant = pending.filter(|goal| request.means(goal.id, Some(goal.arrived)));
-        let cancelled = meant.map(|goal| {
-            goal.cancelled.set();
+        let canceled = meant.map(|goal| {
+            goal.canceled.set();
             GoalInfo {
                 goal_id: goal.id,
                 stamp: goal.arrived,
             }
         });
-        cancelled.collect()
+        canceled.collect()
     }
 
     /// Returns a goal that was started or refused.
@@ -250,16 +250,16 @@ mod tests {
         ] {
             let mut table = GoalTable::default();
             let flags = [(a, 10), (b, 20), (c, 30)].map(|(id, at)| {
-                let cancelled = CancelFlag::default();
-                table.wait(id, Time::from_nanos(at), cancelled.clone());
-                (id, cancelled)
+                let canceled = CancelFlag::default();
+                table.wait(id, Time::from_nanos(at), canceled.clone());
+                (id, canceled)
             });
             assert_eq!(ids(table.cancel_pending(&asked)), meant, "{asked:?}");
-            for (id, cancelled) in flags {
+            for (id, canceled) in flags {
                 // The starter sees it, and so does who takes what the starter has done.
                 let is_meant = meant.contains(&id);
                 assert_eq!(
-                    (cancelled.is_set(), table.end_wait(id)),
+                    (canceled.is_set(), table.end_wait(id)),
                     (is_meant, is_meant)
                 );
             }
@@ -275,7 +275,7 @@ mod tests {
         table.wait(id, Time::from_nanos(1), CancelFlag::default());
         assert!(table.knows(id) && table.is_pending(id) && table.waits());
         assert!(table.of(id).is_none() && table.statuses().status_list.is_empty());
-        assert!(!table.end_wait(id), "nobody has cancelled it");
+        assert!(!table.end_wait(id), "nobody has canceled it");
         table.accept(id, Time::from_nanos(2));
         assert!(table.knows(id) && !table.is_pending(id) && !table.waits());
     }

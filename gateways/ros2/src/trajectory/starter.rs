@@ -62,20 +62,20 @@ impl GoalStarter {
         }
     }
 
-    /// Checks, rehearses and starts a goal; it replaces the one that runs. A goal that is cancelled before START is not
+    /// Checks, rehearses and starts a goal; it replaces the one that runs. A goal that is canceled before START is not
     /// started, and leaves the one that runs alone if that was not stopped yet.
     ///
     /// # Errors
-    /// Refuses what no net can follow, and what was cancelled. A goal that runs goes on then, unless the arm had to be stopped
+    /// Refuses what no net can follow, and what was canceled. A goal that runs goes on then, unless the arm had to be stopped
     /// before the new one could begin.
-    pub fn start(&mut self, goal: &Goal, cancelled: &CancelFlag) -> Result<StartedGoal, Refusal> {
+    pub fn start(&mut self, goal: &Goal, canceled: &CancelFlag) -> Result<StartedGoal, Refusal> {
         // It may have waited behind others.
-        unless(cancelled)?;
+        unless(canceled)?;
         let cell = match self.cell.take() {
             Some(cell) => cell,
             None => Cell::local(&self.cell_name).map_err(refused)?,
         };
-        let started = self.start_at(&cell, goal, cancelled);
+        let started = self.start_at(&cell, goal, canceled);
         self.cell = Some(cell);
         let started = started?;
         self.last = Some(started.command);
@@ -86,7 +86,7 @@ impl GoalStarter {
         &self,
         cell: &Cell,
         goal: &Goal,
-        cancelled: &CancelFlag,
+        canceled: &CancelFlag,
     ) -> Result<StartedGoal, Refusal> {
         let arm = self.arm(cell)?;
         let motion = GoalMotion::of(goal, &arm)?;
@@ -101,7 +101,7 @@ impl GoalStarter {
             Some(net) => net,
             None => {
                 if let Some(old) = running.take() {
-                    unless(cancelled)?;
+                    unless(canceled)?;
                     stop(cell, old)?;
                 }
                 let rest = self.states.of(&self.device).ok_or_else(|| {
@@ -111,7 +111,7 @@ impl GoalStarter {
             }
         };
         Ok(StartedGoal {
-            command: self.load_and_start(cell, running, &net, cancelled)?,
+            command: self.load_and_start(cell, running, &net, canceled)?,
             joints: arm.joints,
             motion,
             end: net.end,
@@ -124,7 +124,7 @@ impl GoalStarter {
         cell: &Cell,
         running: Option<u64>,
         net: &GoalNet,
-        cancelled: &CancelFlag,
+        canceled: &CancelFlag,
     ) -> Result<u64, Refusal> {
         let running = match running {
             Some(old) => Some(cell.command(&old.to_string()).map_err(refused)?),
@@ -132,8 +132,8 @@ impl GoalStarter {
         };
         let new = cell.load(&net.text).map_err(refused)?;
         let started = match running {
-            Some(old) => replace(cell, &old, &new, cancelled),
-            None => begin(&new, cancelled),
+            Some(old) => replace(cell, &old, &new, canceled),
+            None => begin(&new, canceled),
         };
         if let Err(refusal) = started {
             // A request whose answer was lost may have been carried out: what is refused must not move the arm.
@@ -182,18 +182,18 @@ fn refused(error: ClientError) -> Refusal {
     Refusal::invalid(error.to_string())
 }
 
-/// Refuses a goal that was cancelled.
-fn unless(cancelled: &CancelFlag) -> Result<(), Refusal> {
-    match cancelled.is_set() {
-        true => Err(Refusal::invalid("cancelled before it was started")),
+/// Refuses a goal that was canceled.
+fn unless(canceled: &CancelFlag) -> Result<(), Refusal> {
+    match canceled.is_set() {
+        true => Err(Refusal::invalid("canceled before it was started")),
         false => Ok(()),
     }
 }
 
 /// START.
-fn begin(new: &Command<'_>, cancelled: &CancelFlag) -> Result<(), Refusal> {
+fn begin(new: &Command<'_>, canceled: &CancelFlag) -> Result<(), Refusal> {
     // While the net was rehearsed, or the arm came to rest.
-    unless(cancelled)?;
+    unless(canceled)?;
     new.start_with(OnClientLoss::Cancel)
         .map(drop)
         .map_err(refused)
@@ -204,24 +204,24 @@ fn replace(
     cell: &Cell,
     old: &Command<'_>,
     new: &Command<'_>,
-    cancelled: &CancelFlag,
+    canceled: &CancelFlag,
 ) -> Result<(), Refusal> {
-    unless(cancelled)?;
+    unless(canceled)?;
     let Err(error) = cell.switch_with(&[old], &[new], OnClientLoss::Cancel) else {
         return Ok(());
     };
-    tracing::info!(%error, "no hand-over: the running goal is cancelled first");
-    unless(cancelled)?;
+    tracing::info!(%error, "no hand-over: the running goal is canceled first");
+    unless(canceled)?;
     stop(cell, old.id())?;
-    begin(new, cancelled)
+    begin(new, canceled)
 }
 
 /// CANCEL, and waits for the end.
 fn stop(cell: &Cell, id: u64) -> Result<(), Refusal> {
     let command = cell.command(&id.to_string()).map_err(refused)?;
-    // It may have ended, or somebody may have cancelled it.
+    // It may have ended, or somebody may have canceled it.
     if let Err(error) = command.cancel() {
-        tracing::info!(%error, "the running goal is not cancelled");
+        tracing::info!(%error, "the running goal is not canceled");
     }
     command.wait(Some(REST_MAX)).map(drop).map_err(refused)
 }

@@ -34,7 +34,7 @@ pub(super) struct WantedGoal {
     request: RmwRequestId,
     id: GoalId,
     goal: Box<Goal>,
-    cancelled: CancelFlag,
+    canceled: CancelFlag,
 }
 
 /// News about a goal.
@@ -59,7 +59,7 @@ pub(super) fn work(
                 device: device.clone(),
                 request: wanted.request,
                 id: wanted.id,
-                result: starter.start(&wanted.goal, &wanted.cancelled),
+                result: starter.start(&wanted.goal, &wanted.canceled),
             };
             if told.send(news).is_err() || waker.wake().is_err() {
                 return;
@@ -73,8 +73,8 @@ struct ActiveGoal {
     id: GoalId,
     started: StartedGoal,
     /// A client has asked for CANCEL.
-    is_cancelled: bool,
-    /// The deviation from the path for which it was cancelled.
+    is_canceled: bool,
+    /// The deviation from the path for which it was canceled.
     violation: Option<String>,
 }
 
@@ -138,25 +138,25 @@ impl ArmAction {
         if self.goals.knows(id) {
             return Err("a goal of this id was sent before");
         }
-        let cancelled = CancelFlag::default();
+        let canceled = CancelFlag::default();
         let wanted = WantedGoal {
             request,
             id,
             goal: Box::new(goal),
-            cancelled: cancelled.clone(),
+            canceled: canceled.clone(),
         };
         let sent = self.wanted.try_send(wanted);
         sent.map_err(|_| "too many goals wait: send one after the other")?;
-        self.goals.wait(id, Time::now(), cancelled);
+        self.goals.wait(id, Time::now(), canceled);
         Ok(())
     }
 
     /// Takes what the thread has done that starts goals.
     pub fn started(&mut self, client: &LoaderClient, news: GoalNews) {
-        let is_cancelled = self.goals.end_wait(news.id);
+        let is_canceled = self.goals.end_wait(news.id);
         match news.result {
-            // Whoever cancelled it was told so: it was a goal, and has ended.
-            Err(_) if is_cancelled => {
+            // Whoever canceled it was told so: it was a goal, and has ended.
+            Err(_) if is_canceled => {
                 self.goals.accept(news.id, Time::now());
                 self.answer_goal(news.request, news.id, None);
                 self.end(news.id, ending::not_started());
@@ -176,11 +176,11 @@ impl ArmAction {
                 self.active = Some(ActiveGoal {
                     id: news.id,
                     started,
-                    is_cancelled,
+                    is_canceled,
                     violation: None,
                 });
                 // The starter has looked just before START.
-                if is_cancelled {
+                if is_canceled {
                     self.goals.set(news.id, GoalStatusEnum::Canceling);
                     self.cancel_again(client, command);
                 }
@@ -239,7 +239,7 @@ impl ArmAction {
         {
             match cancel_net(client, active.started.command) {
                 Ok(()) => {
-                    active.is_cancelled = true;
+                    active.is_canceled = true;
                     self.goals.set(active.id, GoalStatusEnum::Canceling);
                     return_code = CancelGoalResponseEnum::None;
                     let accepted = self.goals.of(active.id).and_then(|goal| goal.accepted);
@@ -259,7 +259,7 @@ impl ArmAction {
         self.publish_states();
     }
 
-    /// CANCEL of a net whose goal was cancelled before; [`ArmAction::turn`] repeats it until the net is cancelled.
+    /// CANCEL of a net whose goal was canceled before; [`ArmAction::turn`] repeats it until the net is canceled.
     fn cancel_again(&self, client: &LoaderClient, command: u64) {
         if let Err(words) = cancel_net(client, command) {
             tracing::warn!(device = self.device, "CANCEL is refused: {words}");
@@ -279,7 +279,7 @@ impl ArmAction {
                     return;
                 }
                 let goal = ending::EndedGoal {
-                    is_cancelled: active.is_cancelled,
+                    is_canceled: active.is_canceled,
                     violation: active.violation.as_deref(),
                     started: &active.started,
                     position: state.as_ref().map(|state| state.position.as_slice()),
@@ -287,7 +287,7 @@ impl ArmAction {
                 ending::of(&view, &goal)
             }
             Ok(view) => {
-                if active.is_cancelled && view.state == "running" {
+                if active.is_canceled && view.state == "running" {
                     self.cancel_again(client, command);
                 }
                 if let Some(state) = state {
@@ -437,7 +437,7 @@ mod tests {
     use crate::trajectory::fake_loader::FakeLoader;
 
     #[test]
-    fn a_net_that_comes_to_rest_already_is_cancelled() {
+    fn a_net_that_comes_to_rest_already_is_canceled() {
         let loader = FakeLoader::new("cancel", |request| match request {
             "POST /commands/7/cancel" => Ok(json!({"id": 7, "net": "goal", "cycle": 1})),
             "POST /commands/8/cancel" => Err(WRONG_STATE.code),

@@ -16,8 +16,8 @@ pub(super) struct Ending {
 /// A goal whose net has ended.
 pub(super) struct EndedGoal<'a> {
     /// A client has asked for CANCEL.
-    pub is_cancelled: bool,
-    /// The deviation from the path for which it was cancelled.
+    pub is_canceled: bool,
+    /// The deviation from the path for which it was canceled.
     pub violation: Option<&'a str>,
     pub started: &'a StartedGoal,
     /// Where the arm is, rad; `None`: its driver does not answer.
@@ -43,12 +43,12 @@ pub(super) fn replaced() -> Ending {
     )
 }
 
-/// A client has cancelled it before it moved the arm.
+/// A client has canceled it before it moved the arm.
 pub(super) fn not_started() -> Ending {
     ending(
         GoalStatusEnum::Canceled,
         code::SUCCESSFUL,
-        "cancelled before it was started",
+        "canceled before it was started",
     )
 }
 
@@ -73,7 +73,7 @@ pub(super) fn of(view: &CommandView, goal: &EndedGoal<'_>) -> Ending {
     }
     match view.reason.as_deref() {
         Some("finished") => arrived(goal),
-        Some("canceled") if goal.is_cancelled => ending(
+        Some("canceled") if goal.is_canceled => ending(
             GoalStatusEnum::Canceled,
             code::SUCCESSFUL,
             "stopped on its path",
@@ -81,7 +81,7 @@ pub(super) fn of(view: &CommandView, goal: &EndedGoal<'_>) -> Ending {
         Some("canceled") => ending(
             GoalStatusEnum::Aborted,
             code::PATH_TOLERANCE_VIOLATED,
-            "stopped on its path: the net was cancelled at the cell",
+            "stopped on its path: the net was canceled at the cell",
         ),
         _ => ending(
             GoalStatusEnum::Aborted,

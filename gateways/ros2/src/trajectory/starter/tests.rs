@@ -47,7 +47,7 @@ fn starter(loader: &FakeLoader, runs: bool, first_s: i32) -> (GoalStarter, Goal)
     (starter, goal)
 }
 
-/// Returns a loader whose nets rest once they were cancelled, and that refuses each hand-over. `seen` is called with each
+/// Returns a loader whose nets rest once they were canceled, and that refuses each hand-over. `seen` is called with each
 /// request before it is answered.
 fn loader(name: &str, mut seen: impl FnMut(&str) + Send + 'static) -> FakeLoader {
     let (mut old_state, mut new_state) = ("running", "ready");
@@ -105,8 +105,8 @@ fn started(
     (runs, first_s): (bool, i32),
     cancel_at: &'static str,
 ) -> (Vec<String>, Result<u64, Refusal>) {
-    let cancelled = CancelFlag::default();
-    let flag = cancelled.clone();
+    let canceled = CancelFlag::default();
+    let flag = canceled.clone();
     let loader = loader(name, move |request| {
         if request == cancel_at {
             flag.set();
@@ -114,9 +114,9 @@ fn started(
     });
     let (mut starter, goal) = starter(&loader, runs, first_s);
     if cancel_at.is_empty() {
-        cancelled.set();
+        canceled.set();
     }
-    let started = starter.start(&goal, &cancelled);
+    let started = starter.start(&goal, &canceled);
     let mut requests = loader.requests();
     requests.retain(|request| !request.contains("/leases"));
     (requests, started.map(|started| started.command))
@@ -140,7 +140,7 @@ fn a_goal_that_nobody_cancels_is_started_from_rest() {
 }
 
 #[test]
-fn a_goal_that_is_cancelled_before_start_never_moves_the_arm() {
+fn a_goal_that_is_canceled_before_start_never_moves_the_arm() {
     const LOADED: &str = "POST /commands";
     const STOPPED: &str = "POST /commands/7/cancel";
     const UNLOADED: &str = "DELETE /commands/9";
@@ -167,7 +167,7 @@ fn a_goal_that_is_cancelled_before_start_never_moves_the_arm() {
         let (requests, started) = started(name, goal, cancel_at);
         let refusal = started.expect_err(name).0;
         assert_eq!(
-            refusal.error_string, "cancelled before it was started",
+            refusal.error_string, "canceled before it was started",
             "{name}"
         );
         assert_eq!(requests, wanted, "{name}");
