@@ -412,8 +412,8 @@ impl<B: DeviceBoards> Engine<B> {
     }
 
     /// Passes the commands of the net in `row` on to its devices: all of them, or none and a fault. If it `survives` the
-    /// loss of a device, an arm that is lost gets nothing from then on, also when it is back: whoever brought it back does
-    /// not expect that it moves.
+    /// loss of a device, an arm that is lost gets nothing from then on, also when it is back, and also if the net commanded
+    /// null meanwhile: whoever brought it back does not expect that it moves.
     pub(super) fn pass_commands(
         &mut self,
         row: RowIndex,
@@ -428,6 +428,9 @@ impl<B: DeviceBoards> Engine<B> {
             return Ok(());
         };
         let mut lost = self.commands[row].lost_arms;
+        if survives {
+            lost |= net.arms() & self.devices.offline;
+        }
         for index in set_bits(net.arms() & !lost) {
             let place = self.devices.get_mut(index).zip(net.outputs().get(index));
             let Some(((input, device), output)) = place else {
@@ -479,14 +482,15 @@ impl<B: DeviceBoards> Engine<B> {
         set_bits(used & self.devices.offline).next()
     }
 
-    /// Returns true if all arms of the net in `row`, without those that it has lost, have played everything up to
-    /// `logical_ns` and rest.
-    pub(super) fn arms_settled(&self, row: RowIndex, logical_ns: u64) -> bool {
+    /// The first arm of the net in `row`, without those that it has lost, that has not played everything up to
+    /// `logical_ns` or does not rest.
+    pub(super) fn unsettled_arm(&self, row: RowIndex, logical_ns: u64) -> Option<usize> {
         let row = &self.commands[row];
-        self.devices.iter().all(|(input, device)| {
-            let settled = input.measurement.settled_ns >= logical_ns
-                && reported_state(input) == DeviceState::Ready;
-            settled || row.claims().arms & !row.lost_arms & 1 << device.index == 0
+        set_bits(row.claims().arms & !row.lost_arms).find(|index| {
+            self.devices.get(*index).is_some_and(|(input, _)| {
+                input.measurement.settled_ns < logical_ns
+                    || reported_state(input) != DeviceState::Ready
+            })
         })
     }
 

@@ -94,7 +94,6 @@ impl<B: DeviceBoards> Engine<B> {
     /// Commits the first cycle of a row: the command is running.
     pub(super) fn commit_start(&mut self, row: RowIndex, evaluation: Evaluation, now_ns: u64) {
         self.commands[row].entry.started_cycle = self.status.cycle;
-        self.commands[row].lost_arms = 0;
         self.set_state(row, CommandState::Running);
         self.publish(row);
         self.push_monitors(row, now_ns);
@@ -230,11 +229,14 @@ impl<B: DeviceBoards> Engine<B> {
         self.disengage(row);
         let waited_ns = (self.status.cycle - since_cycle) * self.period_ns;
         // The driver receives the first image without a position in the cycle after the last evaluation.
-        if self.arms_settled(row, (since_cycle + 1) * self.period_ns) {
+        let settled_ns = (since_cycle + 1) * self.period_ns;
+        if self.unsettled_arm(row, settled_ns).is_none() {
             return self.finish(row);
         }
-        let unsettled = (waited_ns > SETTLE_MAX_NS).then(|| FaultRecord {
-            device: self.commands[row].claims().arms.trailing_zeros(),
+        let unsettled = self.unsettled_arm(row, settled_ns);
+        let unsettled = unsettled.filter(|_| waited_ns > SETTLE_MAX_NS);
+        let unsettled = unsettled.map(|device| FaultRecord {
+            device: device as u32,
             ..self.fault(FaultCode::DeviceLost)
         });
         if let Some(fault) = self.device_loss_fault(row).or(unsettled) {

@@ -151,7 +151,7 @@ impl<B: DeviceBoards> Engine<B> {
             fault: FaultRecord::NONE,
             ..CommandEntry::zeroed()
         };
-        self.commands[row].lease = 0;
+        (self.commands[row].lease, self.commands[row].lost_arms) = (0, 0);
         self.set_state(row, CommandState::Loading);
         Ok(id)
     }

@@ -1,6 +1,7 @@
 //! Nets that end by a fault: of their device, or of a set-point that the guard refuses.
 
 use super::*;
+use crate::common::drift_net;
 
 #[test]
 fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
@@ -57,6 +58,61 @@ fn a_net_that_survives_the_loss_of_its_arm_goes_on_without_it_until_it_is_cancel
     assert_eq!(fixture.records().len(), 60, "after {records}");
     fixture.ask(|ticket| EngineRequest::Cancel { ticket, id });
     assert_eq!(fixture.until_terminated(id, 30), EndReason::Canceled);
+}
+
+#[test]
+fn a_net_that_survives_does_not_command_an_arm_again_that_was_lost_while_it_commanded_null() {
+    let mut fixture = EngineFixture::new();
+    let mut plan = TestPlan::new();
+    let no = plan.bool(0);
+    let joints = plan.input(&HOLD[..7], 0).slot;
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("Termination", &[no]);
+    plan.data.survives_device_loss = true;
+    let id = fixture.load(plan.data);
+    fixture.start(id);
+    fixture.steps(30);
+    assert_eq!(fixture.told().has_position, 1);
+    fixture.set(id, &[(0, &[f64::NAN; 7])]);
+    fixture.steps(20);
+    assert_eq!(fixture.told().has_position, 0);
+    for state in [DeviceState::Offline, DeviceState::Ready] {
+        fixture.driver.measurement.state = state as u32;
+        fixture.steps(5);
+    }
+    fixture.set(id, &[(0, &HOLD[..7])]);
+    for _ in 0..20 {
+        fixture.step();
+        assert_eq!(fixture.told().has_position, 0);
+    }
+    assert_eq!(fixture.state(id), CommandState::Running);
+}
+
+#[test]
+fn a_command_does_not_inherit_what_the_one_before_in_its_row_has_lost() {
+    let mut fixture = EngineFixture::new();
+    let mut survivor = drift_net(HOLD[0], 0.0);
+    survivor.survives_device_loss = true;
+    let id = fixture.load(survivor);
+    fixture.start(id);
+    fixture.steps(30);
+    fixture.driver.measurement.state = DeviceState::Online as u32;
+    fixture.steps(5);
+    fixture.ask(|ticket| EngineRequest::Abort { ticket, id });
+    fixture.ask(|ticket| EngineRequest::Unload { ticket, id });
+    fixture.driver.measurement.state = DeviceState::Ready as u32;
+    fixture.steps(5);
+    let elsewhere = fixture.load(drift_net(HOLD[0] + 0.1, 0.0));
+    let answer = fixture.start(elsewhere);
+    assert!(matches!(answer, Answer::Refused(_)), "{answer:?}");
+    fixture.ask(|ticket| EngineRequest::Unload {
+        ticket,
+        id: elsewhere,
+    });
+    let next = fixture.load(drift_net(HOLD[0], 0.0));
+    let answer = fixture.start(next);
+    assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
+    assert_eq!(fixture.told().has_position, 1);
 }
 
 #[test]
