@@ -14,7 +14,7 @@ use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 
-use fake_executor::{FakeExecutor, LEASE_ENDING, TestCell};
+use fake_executor::{FakeExecutor, TestCell};
 use rcc_api::bodies::{CommandRef, Done, Switch};
 use rcc_api::codes;
 use rcc_api::command_file::CommandFile;

@@ -53,9 +53,6 @@ pub struct CallLog {
     pub holds: bool,
 }
 
-/// A lease that has ended when START arrives.
-pub const LEASE_ENDING: u64 = 5;
-
 /// The fake executor; it ends when dropped.
 pub struct FakeExecutor {
     pub incarnation: u64,
@@ -250,10 +247,9 @@ impl State {
                 }
             }
             Call::Reject { id } => self.set(id, CommandState::Rejected),
-            Call::Start {
-                lease: lease @ LEASE_ENDING,
-                ..
-            } => Answer::Refused(Refusal::LeaseEnded { lease }),
+            Call::Start { lease, .. } if ![0, 3].contains(&lease) => {
+                Answer::Refused(Refusal::LeaseEnded { lease })
+            }
             Call::Start { id, .. } => match self.row(id).map(|row| row.state) {
                 Some(state) if state == CommandState::Rejected as u32 => {
                     Answer::Refused(Refusal::WrongState { state })
