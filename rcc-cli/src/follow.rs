@@ -109,15 +109,7 @@ pub fn unload(client: &LoaderClient, name: &str) -> Result<Done, Failure> {
     client.delete(&format!("/commands/{}", segment(name)))
 }
 
-/// Returns one command without its text and names; cheap enough for polling.
-///
-/// # Errors
-/// Fails if the loader cannot be reached or the command does not exist.
-pub fn brief(client: &LoaderClient, name: &str) -> Result<CommandView, Failure> {
-    client.get(&format!("/commands/{}?brief=true", segment(name)))
-}
-
-/// Returns one command as [`brief`] does, or how it had ended when it was unloaded.
+/// Returns one command without its text and names, or how it had ended when it was unloaded; cheap enough for polling.
 ///
 /// # Errors
 /// Fails if the loader cannot be reached, or if the command does not exist and is none of the last that were unloaded.

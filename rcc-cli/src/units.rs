@@ -209,7 +209,7 @@ impl CellUnits<'_> {
             (DriverConfig::Name(_), Some(own)) => (self.programs.join(own.program), &[][..]),
             (DriverConfig::Name(_), None) => return String::new(),
         };
-        let arguments = arguments.iter().map(|one| format!(" {}", quoted(one)));
+        let arguments = arguments.iter().map(|one| format!(" {}", argument(one)));
         let start = quoted(&program.display().to_string()) + &arguments.collect::<String>();
         let needs: String = device.driver.needs().iter().map(permitted).collect();
         format!("ExecStart=\nExecStart={start}\n{needs}")
@@ -225,12 +225,12 @@ impl CellUnits<'_> {
             .arguments
             .iter()
             .filter(|one| *one != "--parent-death");
-        let mut arguments: String = arguments.map(|one| format!(" {}", quoted(one))).collect();
+        let mut arguments: String = arguments.map(|one| format!(" {}", argument(one))).collect();
         if simulator.device.is_some() {
             let folder = Path::new(RUNTIME).join(cell);
             let socket = rcc_ipc::cell::simulator_socket(&folder, &simulator.name);
             let option = format!("--control={}", socket.display());
-            arguments += &format!(" {}", quoted(&option));
+            arguments += &format!(" {}", argument(&option));
         }
         let text = format!(
             "{}PartOf=rcc@{cell}.target\n\n[Service]\nExecStart={}{arguments}\n{}",
@@ -339,10 +339,16 @@ fn times(supervision: &SupervisionConfig, more_ms: u64) -> String {
     )
 }
 
-/// Quotes a word for a unit file, with any content.
+/// Quotes a word for a unit file, with any content: a value of `Environment=` or `ReadWritePaths=`, or the program of
+/// `ExecStart=`. In none of these systemd expands `$`.
 fn quoted(word: &str) -> String {
     let word = word.replace('\\', "\\\\").replace('"', "\\\"");
-    format!("\"{}\"", word.replace('%', "%%").replace('$', "$$"))
+    format!("\"{}\"", word.replace('%', "%%"))
+}
+
+/// Quotes an argument of the program of `ExecStart=`, in which systemd expands `$`.
+fn argument(word: &str) -> String {
+    quoted(word).replace('$', "$$")
 }
 
 #[cfg(test)]
@@ -395,6 +401,7 @@ mod tests {
 
     #[test]
     fn words_are_quoted_for_units() {
-        assert_eq!(quoted("a b%c$d\"e"), "\"a b%%c$$d\\\"e\"");
+        assert_eq!(quoted("a b%c$d\"e\\f"), r#""a b%%c$d\"e\\f""#);
+        assert_eq!(argument("a b%c$d\"e\\f"), r#""a b%%c$$d\"e\\f""#);
     }
 }

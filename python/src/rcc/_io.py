@@ -96,6 +96,52 @@ def iterate(values: AsyncIterator[T]) -> Iterator[T]:
             run(close())
 
 
+class _Limits(threading.local):
+    """When the work of `within` must be done, for each thread that uses a transport; by `time.monotonic`."""
+
+    deadline: float | None = None
+
+    def left(self) -> float | None:
+        """The time that is left, s; `None` if it has no limit."""
+        # An answer gets a moment in any case, so that `wait(0)` asks once.
+        return None if self.deadline is None else max(ASK_S_MIN, self.deadline - time.monotonic())
+
+
+def _shut(response: httpx.Response) -> None:
+    """Ends the connection of a stream, which may be read by another thread."""
+    stream = response.extensions.get("network_stream")
+    connection = stream.get_extra_info("socket") if stream is not None else None
+    if connection is not None:
+        # It may be closed already.
+        with contextlib.suppress(OSError):
+            connection.shutdown(socket.SHUT_RDWR)
+
+
+@contextlib.contextmanager
+def _shut_at(deadline: float | None, response: httpx.Response) -> Iterator[threading.Event]:
+    """Ends the connection of a stream at its deadline, and sets the event.
+
+    The read timeout of httpx counts from the last bytes, and cannot shrink while a stream is read: the keep-alive of
+    the loader, every 5 s, and each change of any command would extend it.
+    """
+    is_late = threading.Event()
+
+    def end() -> None:
+        is_late.set()
+        _shut(response)
+
+    if deadline is None:
+        yield is_late
+        return
+    timer = threading.Timer(max(0.0, deadline - time.monotonic()), end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield is_late
+    finally:
+        timer.cancel()
+
+
 class BlockingIo:
     """The transport of blocking programs."""
 
@@ -103,7 +149,7 @@ class BlockingIo:
         """Opens no connection yet."""
         transport = httpx.HTTPTransport(uds=address.socket)
         self._client = httpx.Client(transport=transport, base_url=address.url, headers=address.headers)
-        self._deadline: float | None = None
+        self._limits = _Limits()
         self._live: list[httpx.Response] = []
         self._is_cut = False
 
@@ -111,21 +157,17 @@ class BlockingIo:
         """Waits for `work`; raises `TimeoutError` after that many seconds."""
         if timeout is None:
             return await work
-        self._deadline = time.monotonic() + timeout
+        self._limits.deadline = time.monotonic() + timeout
         try:
             return await work
-        except httpx.ReadTimeout as error:
+        except (httpx.ReadTimeout, TimeoutError) as error:
             raise TimeoutError(f"not within {timeout} s") from error
         finally:
-            self._deadline = None
+            self._limits.deadline = None
 
     async def finish(self, work: Coroutine[Any, Any, None]) -> None:
         """Does `work` to its end."""
         await work
-
-    def _pause_max(self) -> float | None:
-        """Longest time between two lines, s."""
-        return None if self._deadline is None else max(0.001, self._deadline - time.monotonic())
 
     def build(self, method: str, path: str, **parts: Any) -> httpx.Request:
         """Builds a request."""
@@ -133,38 +175,48 @@ class BlockingIo:
 
     async def send(self, request: httpx.Request, timeout: float | None) -> httpx.Response:
         """Sends a request and reads the whole answer."""
-        request.extensions["timeout"] = httpx.Timeout(timeout).as_dict()
-        return self._client.send(request)
+        left = self._limits.left()
+        limit = min((limit for limit in (timeout, left) if limit is not None), default=None)
+        request.extensions["timeout"] = httpx.Timeout(limit).as_dict()
+        try:
+            return self._client.send(request)
+        except httpx.TimeoutException as error:
+            if limit == timeout:
+                raise
+            raise TimeoutError from error
 
     async def lines(self, request: httpx.Request, opened: Callable[[], None] = lambda: None) -> AsyncIterator[str]:
         """Sends a request and reads the answer line by line; calls `opened` when it begins."""
-        request.extensions["timeout"] = httpx.Timeout(self._pause_max(), connect=STEP_S).as_dict()
+        deadline = self._limits.deadline
+        if deadline is not None and time.monotonic() >= deadline:
+            raise TimeoutError
+        request.extensions["timeout"] = httpx.Timeout(self._limits.left(), connect=STEP_S).as_dict()
         response = self._client.send(request, stream=True)
         self._live.append(response)
         try:
-            if response.status_code >= 400:
-                response.read()
-                raise error_of(response)
-            opened()
-            for line in response.iter_lines():
-                yield line
+            with _shut_at(deadline, response) as is_late:
+                if response.status_code >= 400:
+                    response.read()
+                    raise error_of(response)
+                opened()
+                for line in response.iter_lines():
+                    if is_late.is_set():
+                        break
+                    yield line
         except httpx.TransportError:
-            if not self._is_cut:
+            if not self._is_cut and not is_late.is_set():
                 raise
         finally:
             self._live.remove(response)
             response.close()
+        if is_late.is_set():
+            raise TimeoutError
 
     def cut(self) -> None:
         """Ends the streams that another thread reads."""
         self._is_cut = True
         for response in list(self._live):
-            stream = response.extensions.get("network_stream")
-            connection = stream.get_extra_info("socket") if stream is not None else None
-            if connection is not None:
-                # It may be closed already.
-                with contextlib.suppress(OSError):
-                    connection.shutdown(socket.SHUT_RDWR)
+            _shut(response)
 
     async def background(self, address: Address, work: Work) -> Background:
         """Does `work` in a thread."""
@@ -319,6 +371,8 @@ async def _slowly(parts: Iterable[bytes]) -> AsyncIterator[bytes]:
 
 #: Longest time for one answer, s.
 STEP_S = 10.0
+#: Least time for one answer, also when the time of `within` is over, s.
+ASK_S_MIN = 0.1
 
 
 class Address:

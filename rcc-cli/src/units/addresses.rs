@@ -4,13 +4,35 @@ use std::net::{IpAddr, SocketAddr};
 
 use serde_json::Value;
 
-/// Returns the lines of a unit. If the driver connects to an address (`server`) or expects one (`peer`), only those are
-/// allowed; if it only listens, the subnet of its address is allowed, assumed as /24 or /64.
+/// What stands in front of an address: endpoints of link devices, and a simulated line of EtherCAT terminals.
+const PREFIXES: [&str; 3] = ["tcp/", "tls/", "udp "];
+
+/// Addresses in the settings of a device.
+#[derive(Debug, Default)]
+struct Found<'a> {
+    /// At which the driver listens.
+    own: Vec<IpAddr>,
+    /// With which it communicates.
+    others: Vec<IpAddr>,
+    /// Endpoints with the name of a host.
+    named: Vec<&'a str>,
+}
+
+/// Returns the lines of a unit. If the driver connects to an address (`server`, `connect`) or expects one (`peer`), only those
+/// are allowed; if it only listens, the subnet of its address is allowed, assumed as /24 or /64. The address of a host that is
+/// named is not known, and may change.
 #[must_use]
 pub fn allowed(settings: &Value) -> String {
-    let mut own = Vec::new();
-    let mut others = Vec::new();
-    collect("", settings, &mut own, &mut others);
+    let mut found = Found::default();
+    found.collect("", settings);
+    if let Some(name) = found.named.first() {
+        // In the comment it must stay one line.
+        let name = name.escape_default();
+        return format!("# {name} names a host: nothing can be filtered.\nIPAddressAllow=any\n");
+    }
+    let Found {
+        own, mut others, ..
+    } = found;
     if others.is_empty() {
         return own.iter().map(|address| listening(*address)).collect();
     }
@@ -40,26 +62,35 @@ fn listening(address: IpAddr) -> String {
     }
 }
 
-fn collect(key: &str, value: &Value, own: &mut Vec<IpAddr>, others: &mut Vec<IpAddr>) {
-    match value {
-        Value::Object(entries) => {
-            for (key, value) in entries {
-                collect(key, value, own, others);
+impl<'a> Found<'a> {
+    fn collect(&mut self, key: &str, value: &'a Value) {
+        match value {
+            Value::Object(entries) => {
+                for (key, value) in entries {
+                    self.collect(key, value);
+                }
             }
-        }
-        Value::Array(values) => {
-            for value in values {
-                collect(key, value, own, others);
+            Value::Array(values) => {
+                for value in values {
+                    self.collect(key, value);
+                }
             }
+            Value::String(text) => self.add(key, text),
+            _ => {}
         }
-        Value::String(text) => {
-            let address = text.parse::<SocketAddr>().map(|address| address.ip());
-            if let Ok(address) = address.or_else(|_| text.parse::<IpAddr>()) {
-                let list = if key == "listen" { own } else { others };
-                list.push(address);
-            }
+    }
+
+    fn add(&mut self, key: &str, text: &'a str) {
+        let endpoint = PREFIXES.iter().find_map(|prefix| text.strip_prefix(prefix));
+        // An endpoint may be followed by options: tcp/192.168.0.1:7447?rel=0#iface=eth1.
+        let address = endpoint.map_or(text, |rest| rest.split(['?', '#']).next().unwrap_or(rest));
+        let socket = address.parse::<SocketAddr>().map(|socket| socket.ip());
+        match socket.or_else(|_| address.parse::<IpAddr>()) {
+            Ok(address) if key == "listen" => self.own.push(address),
+            Ok(address) => self.others.push(address),
+            Err(_) if endpoint.is_some() => self.named.push(text),
+            Err(_) => {}
         }
-        _ => {}
     }
 }
 
@@ -91,6 +122,32 @@ mod tests {
                 json!({"listen": "127.0.0.1:1"}),
                 "IPAddressAllow=localhost\n",
             ),
+            (
+                json!({"peer": "lab/press", "connect": ["tcp/192.168.0.1:7447", "tls/[fd00::7]:7447"]}),
+                "IPAddressAllow=192.168.0.1\nIPAddressAllow=fd00::7\n",
+            ),
+            (
+                json!({"peer": "lab/press", "router": ["tcp/192.168.0.9:7447#iface=eth1"]}),
+                "IPAddressAllow=192.168.0.9\n",
+            ),
+            (
+                json!({"peer": "lab/press", "listen": ["tcp/192.168.0.1:7447"]}),
+                "# The subnet of its listening address, assumed to be /24.\nIPAddressAllow=192.168.0.0/24\n",
+            ),
+            (
+                json!({"peer": "lab/press", "connect": ["tcp/192.168.0.1:7447", "tls/press.lab:7447"], "tls": {"key": "/etc/rcc/a.key"}}),
+                "# tls/press.lab:7447 names a host: nothing can be filtered.\nIPAddressAllow=any\n",
+            ),
+            (
+                json!({"interface": "udp 127.0.0.1:34980"}),
+                "IPAddressAllow=127.0.0.1\n",
+            ),
+            (
+                json!({"connect": ["tcp/a\nExecStart=b"]}),
+                "# tcp/a\\nExecStart=b names a host: nothing can be filtered.\nIPAddressAllow=any\n",
+            ),
+            (json!({"interface": "eth1"}), ""),
+            (json!({"command": ["python3", "camera.py"]}), ""),
             (json!({}), ""),
         ] {
             assert_eq!(allowed(&settings), lines, "{settings}");
@@ -99,10 +156,12 @@ mod tests {
 
     #[test]
     fn a_driver_that_listens_everywhere_is_not_filtered() {
-        let lines = allowed(&json!({"listen": "0.0.0.0:49938"}));
-        assert!(
-            lines.ends_with("IPAddressAllow=any\n") && lines.starts_with('#'),
-            "{lines}"
-        );
+        for listen in ["0.0.0.0:49938", "tcp/[::]:7447"] {
+            let lines = allowed(&json!({ "listen": listen }));
+            assert!(
+                lines.ends_with("IPAddressAllow=any\n") && lines.starts_with('#'),
+                "{lines}"
+            );
+        }
     }
 }

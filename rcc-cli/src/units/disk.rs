@@ -10,6 +10,9 @@ use rcc_os::file::{self, Readers};
 use super::{DROP_IN, MARK, PACKAGED, SHIPPED, UNITS, UnitFile};
 use crate::failure::Failure;
 
+/// File that a package has at the very place to which `install-units` writes: PAM reads it from there only.
+const SHARED: &str = "etc/security/limits.d/rcc.conf";
+
 /// Longest unit file that is read, bytes.
 const UNIT_MAX: u64 = 1 << 20;
 
@@ -55,7 +58,9 @@ pub fn write(
 fn judge(root: &Path, file: &UnitFile) -> Result<FileChange, Failure> {
     let path = root.join(&file.path);
     let packaged = file.path.strip_prefix(UNITS).ok();
-    if packaged.is_some_and(|unit| root.join(PACKAGED).join(unit).exists()) {
+    if packaged.is_some_and(|unit| root.join(PACKAGED).join(unit).exists())
+        || is_of_package(root, &file.path)
+    {
         return Ok(FileChange::Packaged);
     }
     match read(&path)? {
@@ -73,7 +78,12 @@ fn judge(root: &Path, file: &UnitFile) -> Result<FileChange, Failure> {
     }
 }
 
-/// Removes the drop-ins of a cell; with the last cell, all of RCC's files.
+/// Returns true if this very file is one of a package, which is known by its units.
+fn is_of_package(root: &Path, path: &Path) -> bool {
+    path == Path::new(SHARED) && root.join(PACKAGED).join("rcc.target").exists()
+}
+
+/// Removes the drop-ins of a cell; with the last cell, all of RCC's files but those of a package.
 ///
 /// # Errors
 /// Fails if the system refuses.
@@ -81,7 +91,9 @@ pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(FileChange, Pat
     let (own, others) = drop_ins(root, cell)?;
     let mut paths = own;
     if others == 0 {
-        paths.extend(SHIPPED.iter().map(|(path, _)| root.join(path)));
+        let shipped = SHIPPED.iter().map(|(path, _)| Path::new(path));
+        let own = shipped.filter(|path| !is_of_package(root, path));
+        paths.extend(own.map(|path| root.join(path)));
     }
     let mut removed = Vec::new();
     for path in paths {

@@ -9,7 +9,7 @@ use rcc_process::priority::raise_stop_thread;
 use super::NetName;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::follow;
+use crate::follow::{self, CommandPoll};
 
 /// Arguments of `cancel`.
 #[derive(clap::Args, Debug)]
@@ -35,25 +35,29 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         context.print(&done, |done| format!("{}#{}  canceling", done.net, done.id));
         return Ok(());
     };
+    let title = format!("{}#{}", done.net, done.id);
+    let (mut poll, mut state) = (CommandPoll::new(done.id), "canceling".to_owned());
     loop {
-        let command = follow::brief(&client, &done.id.to_string())?;
-        if follow::is_over(&command) {
-            context.print(&command, |command: &CommandView| {
-                let (title, state) = (follow::title(command), follow::state_text(command));
-                let passed = started.elapsed().as_secs_f64();
-                let first = match command.reason.as_deref() {
-                    Some("finished") => ", before it could be canceled",
-                    _ => "",
-                };
-                format!("{title}  {state}  after {passed:.2} s{first}")
-            });
-            return follow::exit_result(&command, RequestedEnd::Finish);
+        // Also after somebody unloaded it, which `rcc-cli run` does as soon as its net has ended.
+        if let Some(command) = poll.state(&client)? {
+            if follow::is_over(&command) {
+                context.print(&command, |command: &CommandView| {
+                    let state = follow::state_text(command);
+                    let passed = started.elapsed().as_secs_f64();
+                    let first = match command.reason.as_deref() {
+                        Some("finished") => ", before it could be canceled",
+                        _ => "",
+                    };
+                    format!("{title}  {state}  after {passed:.2} s{first}")
+                });
+                return follow::exit_result(&command, RequestedEnd::Finish);
+            }
+            state = command.state;
         }
         if started.elapsed() > patience {
-            let title = follow::title(&command);
             return Err(Failure::new(
                 codes::LOADER_SILENT,
-                format!("{title} is still {} after {patience:?}", command.state),
+                format!("{title} is still {state} after {patience:?}"),
                 format!("allow more time, or end it at once with `rcc-cli abort {title}`"),
             ));
         }

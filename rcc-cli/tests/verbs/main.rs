@@ -1,5 +1,6 @@
 //! The verbs of `rcc-cli` that need no cell, run as a user runs them. One program: each links all of `rcc-cli`.
 
+mod cancel;
 mod contact;
 mod convert;
 mod explain;

@@ -193,11 +193,74 @@ fn a_driver_with_a_program_of_its_own_gets_raw_packets_and_no_more() {
         r#"ExecStart="/opt/rcc/bin/rcc-ethercat""#,
         "CapabilityBoundingSet=CAP_NET_RAW",
         "RestrictAddressFamilies=AF_PACKET",
+        // Of the simulated line.
+        "IPAddressAllow=127.0.0.1",
     ] {
         assert!(
             driver.lines().any(|have| have == line),
             "{line} is not in\n{driver}"
         );
+    }
+}
+
+/// Installs the units of a cell `feeder` with a device `press`; returns the unit of that device, and all files.
+fn device_unit(root: &Root, file: &str, text: &str) -> (String, BTreeMap<String, String>) {
+    let config = root.0.path().join(file);
+    fs::write(&config, text).unwrap();
+    succeeds(&root.install(config.to_str().unwrap(), &[]));
+    let files = root.files();
+    let unit = &files["etc/systemd/system/rcc-driver@feeder.press.service.d/50-cell.conf"];
+    (unit.clone(), files)
+}
+
+#[test]
+fn a_link_device_may_use_its_endpoints() {
+    for (settings, address) in [
+        (
+            r#"connect: ["tcp/192.168.0.1:7447"]"#,
+            "IPAddressAllow=192.168.0.1",
+        ),
+        (
+            r#"router: ["tcp/192.168.0.9:7447"]"#,
+            "IPAddressAllow=192.168.0.9",
+        ),
+        (
+            r#"listen: ["tls/192.168.0.1:7447"]"#,
+            "IPAddressAllow=192.168.0.0/24",
+        ),
+        (
+            r#"connect: ["tls/press.lab:7447"]"#,
+            "# tls/press.lab:7447 names a host: nothing can be filtered.\nIPAddressAllow=any",
+        ),
+    ] {
+        let cell = format!(
+            "cell: feeder\nperiod: 1 ms\ndevices:\n  press:\n    driver: {{program: rcc-link-device}}\n    \
+             settings: {{peer: lab/press, {settings}}}\n    \
+             channels: {{open: {{kind: digital input, address: door/open}}}}\n"
+        );
+        let (unit, _) = device_unit(&Root::new(), "feeder.yaml", &cell);
+        assert!(unit.contains(&format!("\n{address}\n")), "{unit}");
+        assert_eq!(unit.matches("IPAddressAllow=").count(), 1, "{unit}");
+    }
+}
+
+#[test]
+fn a_dollar_is_doubled_where_systemd_expands_it_and_nowhere_else() {
+    let cell = "cell: feeder\nperiod: 1 ms\nrecorder: {folder: /data/$rcc}\ndevices:\n  press:\n    \
+                driver: {program: /opt/$own/press, arguments: [--user=$HOME]}\n    \
+                channels: {open: {kind: digital input, address: open}}\n";
+    let root = Root::new();
+    let (unit, files) = device_unit(&root, "a$b.yaml", cell);
+    let config = format!("\"RCC_CONFIG={}/a$b.yaml\"", root.0.path().display());
+    for part in [
+        "\nReadWritePaths=\"-/data/$rcc\"\n",
+        "\nExecStart=\"/opt/$own/press\" \"--user=$$HOME\"\n",
+    ] {
+        assert!(unit.contains(part), "{part} is not in\n{unit}");
+    }
+    for unit in ["executor@feeder", "loader@feeder", "driver@feeder.press"] {
+        let drop_in = &files[&format!("etc/systemd/system/rcc-{unit}.service.d/50-cell.conf")];
+        assert!(drop_in.contains(&config), "{config} is not in\n{drop_in}");
     }
 }
 
@@ -276,6 +339,41 @@ fn uninstall_keeps_other_cells_and_finally_removes_everything() {
     assert_eq!(root.files(), one);
     succeeds(&root.install("lwr.yaml", &["--uninstall"]));
     assert_eq!(root.files(), BTreeMap::new());
+}
+
+#[test]
+fn uninstall_keeps_the_files_of_a_package() {
+    let root = Root::new();
+    let shipped = repository().join("configs/systemd");
+    let packaged = |name: &str| match name {
+        "sysusers.conf" => "usr/lib/sysusers.d/rcc.conf".to_owned(),
+        "tmpfiles.conf" => "usr/lib/tmpfiles.d/rcc.conf".to_owned(),
+        "limits.conf" => "etc/security/limits.d/rcc.conf".to_owned(),
+        unit => format!("usr/lib/systemd/system/{unit}"),
+    };
+    for entry in fs::read_dir(shipped).unwrap().flatten() {
+        let to = root
+            .0
+            .path()
+            .join(packaged(entry.file_name().to_str().unwrap()));
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::copy(entry.path(), to).unwrap();
+    }
+    // The administrator has changed what the package installed.
+    let limits = root.0.path().join("etc/security/limits.d/rcc.conf");
+    let text = fs::read_to_string(&limits).unwrap() + "@rcc - nofile 4096\n";
+    fs::write(&limits, text).unwrap();
+    let before = root.files();
+    let said = succeeds(&root.install("lwr.yaml", &[]));
+    for path in [
+        "etc/systemd/system/rcc.target",
+        "etc/security/limits.d/rcc.conf",
+    ] {
+        let line = |line: &&str| line.starts_with("packaged") && line.ends_with(path);
+        assert!(said.lines().any(|one| line(&one)), "{path}: {said}");
+    }
+    succeeds(&root.install("lwr.yaml", &["--uninstall"]));
+    assert_eq!(root.files(), before);
 }
 
 #[test]

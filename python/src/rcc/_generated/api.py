@@ -200,7 +200,7 @@ class DeviceView(TypedDict):
     joints: list[str]
     """Names of its joints."""
     losses: int
-    """Number of times that the executor found its board stale."""
+    """Number of times that the executor lost the device."""
     name: str
     """Its name."""
     pid: int
@@ -402,7 +402,7 @@ class HelperView(TypedDict):
     state: HelperState
     """`waiting running hanging ended panicked`."""
     turns: int
-    """Number of signs of life (turns) so far."""
+    """Number of heartbeats (turns) so far."""
 
 
 class HistogramView(TypedDict):
@@ -760,9 +760,9 @@ class RehearsalView(TypedDict):
 
 
 class RuleBody(TypedDict):
-    """A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing changes. A rule that records does nothing else."""
+    """A rule: when the condition holds, commands stop, are canceled and start between the same two cycles, or nothing changes. A rule that records does nothing else."""
     cancel: NotRequired[CommandList]
-    """Commands that are cancelled; those that have ended already are skipped."""
+    """Commands that are canceled; those that have ended already are skipped."""
     lease: NotRequired[int | None]
     """The client's lease; without it, that of the request."""
     name: NotRequired[str | None]

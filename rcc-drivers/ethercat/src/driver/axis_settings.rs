@@ -17,6 +17,8 @@ use crate::terminals::Channels;
 const CYCLIC_POSITION: i8 = 8;
 /// Options for a quick stop and for a fault: the quick stop ramp, then no torque.
 const QUICK_STOP_RAMP: i16 = 2;
+/// Largest window of the following error, counts: one more switches its supervision off (IEC 61800-7-201, object 0x6065).
+const WINDOW_COUNTS_MAX: u32 = u32::MAX - 1;
 /// Keys of an axis, and their form.
 const FORM: &str = "{terminal: x_drive, counts_per_rad: 1000000, following_window: 0.02 rad}; a linear axis: counts_per_metre: \
                     1000000, following_window: 2 mm; optional: zero, following_timeout, controlword, target, statusword, position, \
@@ -87,11 +89,11 @@ pub struct AxisSettings {
     pub counts_per_unit: f64,
     /// Position of the joint at count 0, rad or m.
     pub zero: f64,
-    /// Window of the drive's following error, rad or m.
+    /// Window of the drive's following error, rad or m; from 1 to [`u32::MAX`] - 1 counts.
     pub following_window: f64,
     /// Longest time outside of the window.
     pub following_timeout: Duration,
-    /// Deceleration of a quick stop, rad/s² or m/s².
+    /// Deceleration of a quick stop, rad/s² or m/s²; 1 to [`u32::MAX`] counts/s².
     pub deceleration: f64,
 }
 
@@ -111,7 +113,8 @@ impl AxisSettings {
     /// Returns the objects that the drive needs before it is enabled; `period` is that of the exchanges.
     #[must_use]
     pub fn objects(&self, period: Duration) -> Vec<ObjectValue> {
-        let counts = |value: f64| (value * self.counts_per_unit).abs().round() as u32;
+        // Both were checked when the settings were read.
+        let counts = |value: f64| unsigned_counts(value, self.counts_per_unit).unwrap_or(u32::MAX);
         let timeout = u16::try_from(self.following_timeout.as_millis()).unwrap_or(u16::MAX);
         let (units, exponent) = interpolation(period).unwrap_or((1, -3));
         let object = |index, sub_index, value| ObjectValue {
@@ -130,6 +133,15 @@ impl AxisSettings {
             object(0x60c2, 2, ObjectData::I8(exponent)),
         ]
     }
+}
+
+/// Returns the counts of a distance, speed or acceleration of either sign as an object of 32 bits holds them; `None` if it
+/// does not: more would be a gentler quick stop, and less than one count none.
+fn unsigned_counts(value: f64, counts_per_unit: f64) -> Option<u32> {
+    let counts = (value * counts_per_unit).abs().round();
+    (1.0..=f64::from(u32::MAX))
+        .contains(&counts)
+        .then_some(counts as u32)
 }
 
 /// Returns a period as the object 0x60C2 holds it: a number of 8 bits, and the exponent of its unit; `None` if it does not fit.
@@ -209,6 +221,9 @@ pub fn read(
             let expected = "a resolution and a zero with which the whole range fits";
             return Err(reader.fault(&format!(".{}", reader.words.counts), cause, expected));
         }
+        if unsigned_counts(axis.deceleration, axis.counts_per_unit).is_none() {
+            return Err(reader.quick_stop_fault(&axis));
+        }
         found.push(axis);
     }
     Ok(found)
@@ -281,6 +296,19 @@ impl AxisReader<'_> {
         }
     }
 
+    /// The deceleration of a quick stop does not fit into the drive.
+    fn quick_stop_fault(&self, axis: &AxisSettings) -> DriverError {
+        let JointWords { unit, counts, .. } = *self.words;
+        let cause = format!(
+            "a quick stop brakes by the acceleration of the joint, {} {unit}/s², which is {:.0} counts/s²; the drive (0x6085) holds 1 to {}",
+            axis.deceleration,
+            (axis.deceleration * axis.counts_per_unit).abs(),
+            u32::MAX
+        );
+        let expected = "a resolution with which it fits (also set in the drive), or another acceleration of the joint in the robot's file";
+        self.fault(&format!(".{counts}"), cause, expected)
+    }
+
     /// Reads a field, or takes the default if it is missing.
     fn field<T>(
         &self,
@@ -334,10 +362,12 @@ impl AxisReader<'_> {
             unit, window, zero, ..
         } = *self.words;
         let following_window = self.quantity("following_window", (window, None), unit)?;
-        if following_window <= 0.0
-            || (following_window * counts_per_unit).abs() >= f64::from(u32::MAX)
-        {
-            let cause = format!("invalid value {following_window} {unit}");
+        let fits = unsigned_counts(following_window, counts_per_unit)
+            .is_some_and(|counts| counts <= WINDOW_COUNTS_MAX);
+        if following_window <= 0.0 || !fits {
+            let cause = format!(
+                "invalid value {following_window} {unit}: the drive holds 1 to {WINDOW_COUNTS_MAX} counts"
+            );
             return Err(self.fault(".following_window", cause, window));
         }
         let timeout = ("a time from 1 ms to 60 s, such as \"10 ms\"", Some(0.01));

@@ -56,24 +56,26 @@ pub struct Values {
 }
 
 impl Values {
-    /// Reads a line that arrives now. `sent` returns when a frame was sent.
+    /// Reads a line that arrives now. `answer` takes the number of the frame that it answers, and returns when that was
+    /// sent; `None` if it was not, or if it was answered before.
     ///
     /// # Errors
     /// Returns what is wrong with the line.
-    pub fn read(line: &str, sent: impl Fn(u64) -> Option<Instant>) -> Result<Values, String> {
-        let answer: Answer = serde_json::from_str(line).map_err(|error| error.to_string())?;
+    pub fn read(line: &str, answer: impl FnOnce(u64) -> Option<Instant>) -> Result<Values, String> {
+        let given: Answer = serde_json::from_str(line).map_err(|error| error.to_string())?;
         let infinite = |value: &&Option<Scalar>| matches!(value, Some(Scalar::Analog(number)) if !number.is_finite());
-        if answer.values.values().find(infinite).is_some() {
+        if given.values.values().find(infinite).is_some() {
             return Err("a value is not finite".to_owned());
         }
-        let since = match answer.frame {
-            Some(frame) => sent(frame)
-                .ok_or_else(|| format!("it answers frame {frame}, which is not the last one"))?,
+        let since = match given.frame {
+            Some(frame) => answer(frame).ok_or_else(|| {
+                format!("it answers frame {frame}, which does not await an answer")
+            })?,
             None => Instant::now(),
         };
         Ok(Values {
-            values: answer.values,
-            frame: answer.frame,
+            values: given.values,
+            frame: given.frame,
             since,
         })
     }

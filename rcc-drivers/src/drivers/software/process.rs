@@ -1,7 +1,8 @@
 //! The program of a software device: started, read and written by threads of its own, so that the exchange thread waits for
 //! none of it; started again with growing pauses when it ends.
 //!
-//! A frame is written only when the last one was answered, so that a slow program reads the newest outputs, never a queue.
+//! A frame is written only when the last one was answered, so that a slow program reads the newest outputs, never a queue
+//! ([`SentFrames`] says what a wrong line means to that).
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::CommandExt;
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,12 @@ use rcc_process::log_throttle::LogThrottle;
 use serde_json::{Value, json};
 
 use super::message::{Frame, Values};
+
+mod guard;
+mod sent_frames;
+
+use guard::Guard;
+use sent_frames::SentFrames;
 
 /// Longest line of the program, bytes.
 const LINE_MAX: u64 = 64 * 1024;
@@ -44,7 +51,7 @@ pub enum ProgramState {
 struct Shared {
     stop: AtomicBool,
     running: AtomicBool,
-    /// The last frame has not been answered.
+    /// The last frame has not been answered, nor assumed to be.
     asked: AtomicBool,
     starts: AtomicU64,
     answers: AtomicU64,
@@ -59,8 +66,8 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Last {
-    /// Number of the last frame, and when it was sent.
-    frame: Option<(u64, Instant)>,
+    /// Frames of this life of the program.
+    frames: SentFrames,
     /// Why the last line was refused, and how the program ended.
     words: String,
     throttle: LogThrottle,
@@ -149,7 +156,7 @@ impl Drop for Program {
 impl LinkDiagnosis for Shared {
     fn link(&self) -> Value {
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = self.last();
         json!({
             "running": self.running.load(Ordering::Relaxed),
             "starts": count(&self.starts),
@@ -165,17 +172,15 @@ impl Shared {
     /// Keeps words for `doctor`, and writes them to the log, at most once a second: a program may give any number of wrong
     /// lines.
     fn tell(&self, words: String) {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.last();
         if let Some(others) = last.throttle.admit(Instant::now()) {
             tracing::warn!("{words}; {others} similar messages suppressed");
         }
         last.words = words;
     }
 
-    fn sent(&self, number: u64) -> Option<Instant> {
-        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        let (frame, at) = last.frame?;
-        (frame == number).then_some(at)
+    fn last(&self) -> MutexGuard<'_, Last> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -185,7 +190,7 @@ fn keep_running(command: &[String], folder: &Path, shared: &Arc<Shared>, frames:
     while !shared.stop.load(Ordering::Acquire) {
         let begun = Instant::now();
         let ended = match start(command, folder) {
-            Ok(child) => live(child, shared, frames),
+            Ok((child, guard)) => live(child, guard, shared, frames),
             Err(error) => format!("it cannot be started: {error}"),
         };
         shared.running.store(false, Ordering::Release);
@@ -210,7 +215,8 @@ fn keep_running(command: &[String], folder: &Path, shared: &Arc<Shared>, frames:
     }
 }
 
-fn start(command: &[String], folder: &Path) -> std::io::Result<Child> {
+/// Starts the program, and what ends it if this process dies.
+fn start(command: &[String], folder: &Path) -> std::io::Result<(Child, Guard)> {
     let [program, arguments @ ..] = command else {
         return Err(std::io::ErrorKind::InvalidInput.into());
     };
@@ -218,36 +224,57 @@ fn start(command: &[String], folder: &Path) -> std::io::Result<Child> {
     if !folder.as_os_str().is_empty() {
         command.current_dir(folder);
     }
-    command
+    let mut child = command
         .args(arguments)
         .process_group(0)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
-        .spawn()
+        .spawn()?;
+    match Guard::start(group(&child)) {
+        Ok(guard) => Ok((child, guard)),
+        Err(error) => {
+            end_group(group(&child));
+            child.wait()?;
+            Err(error)
+        }
+    }
+}
+
+/// The process group that the program leads.
+fn group(child: &Child) -> Pid {
+    Pid::from_raw(i32::try_from(child.id()).unwrap_or(i32::MAX))
+}
+
+/// Ends a program with all that it has started; it may have ended meanwhile.
+fn end_group(group: Pid) {
+    // Then there is nobody to signal.
+    let _ = killpg(group, Signal::SIGKILL);
 }
 
 /// Exchanges lines with the program until it ends; returns how it ended.
-fn live(mut child: Child, shared: &Arc<Shared>, frames: &Receiver<Frame>) -> String {
+fn live(mut child: Child, guard: Guard, shared: &Arc<Shared>, frames: &Receiver<Frame>) -> String {
     let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
         return "its input or output is missing".to_owned();
     };
-    let group = Pid::from_raw(i32::try_from(child.id()).unwrap_or(i32::MAX));
+    let group = group(&child);
     shared.starts.fetch_add(1, Ordering::Relaxed);
+    shared.last().frames = SentFrames::default();
     shared.asked.store(false, Ordering::Release);
     shared.running.store(true, Ordering::Release);
     std::thread::scope(|scope| {
         let reader = scope.spawn(|| read(BufReader::new(output), shared));
         write(input, shared, frames);
-        // Its input is closed: it may end by itself.
+        // Its input is closed: it may end by itself. One that has only closed its output has not ended.
         let end = Instant::now() + GRACE;
-        while !reader.is_finished() && Instant::now() < end {
+        let mut has_ended = || reader.is_finished() && matches!(child.try_wait(), Ok(Some(_)));
+        while !has_ended() && Instant::now() < end {
             std::thread::park_timeout(Duration::from_millis(5));
         }
-        if !reader.is_finished() {
-            // With all that it has started; it may have ended meanwhile.
-            let _ = killpg(group, Signal::SIGKILL);
+        if !has_ended() {
+            end_group(group);
         }
     });
+    drop(guard);
     match child.wait() {
         Ok(status) => format!("it has ended: {status}"),
         Err(error) => format!("it has ended: {error}"),
@@ -256,17 +283,10 @@ fn live(mut child: Child, shared: &Arc<Shared>, frames: &Receiver<Frame>) -> Str
 
 /// Writes frames until the program's output has ended or the driver ends.
 fn write(mut input: ChildStdin, shared: &Shared, frames: &Receiver<Frame>) {
-    let mut number = 0;
     loop {
         match frames.recv_timeout(Duration::from_millis(50)) {
             Ok(frame) => {
-                number += 1;
-                let sent = Some((number, Instant::now()));
-                shared
-                    .last
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .frame = sent;
+                let number = shared.last().frames.push(Instant::now());
                 if input.write_all(frame.line(number).as_bytes()).is_err() {
                     return;
                 }
@@ -299,20 +319,22 @@ fn read(mut output: impl BufRead, shared: &Shared) {
                 break;
             }
         }
-        match Values::read(&line, |number| shared.sent(number)) {
+        let answered = match Values::read(&line, |number| shared.last().frames.answer(number)) {
             Ok(values) => {
                 shared.answers.fetch_add(1, Ordering::Relaxed);
-                let answered = values.frame.is_some();
+                let names_frame = values.frame.is_some();
                 *shared.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(values);
-                if answered {
-                    shared.asked.store(false, Ordering::Release);
-                }
+                names_frame
             }
             Err(cause) => {
                 shared.refused.fetch_add(1, Ordering::Relaxed);
-                shared.asked.store(false, Ordering::Release);
+                shared.last().frames.refuse();
                 shared.tell(format!("an answer of the program is refused: {cause}"));
+                true
             }
+        };
+        if answered && shared.last().frames.all_answered() {
+            shared.asked.store(false, Ordering::Release);
         }
     }
     shared.running.store(false, Ordering::Release);

@@ -1,6 +1,8 @@
 //! The driver with programs in Python, which every machine that builds RCC has.
 //! Test code only.
 
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use rcc_config::{DeviceConfig, OnRelease};
@@ -204,20 +206,114 @@ fn a_line_that_is_no_answer_is_refused_counted_and_told() {
 }
 
 #[test]
+fn a_slow_program_survives_a_line_that_is_no_answer() {
+    // The line comes while the first frame is outstanding, so that a second one is sent; it takes longer than a period.
+    let program = "
+import json, sys, time
+for line in sys.stdin:
+    frame = json.loads(line)['frame']
+    if frame in (1, 9):
+        print('loading the model', flush=True)
+    time.sleep(0.05)
+    print(json.dumps({'frame': frame, 'values': {'x': float(frame)}}), flush=True)
+";
+    let mut device = device(program);
+    device.settings["period"] = json!("10 ms");
+    let mut driver = opened(&device);
+    until(&mut driver, &Outputs::NONE, |result, inputs| {
+        result.is_ok_and(|exchange| exchange.refused == 2) && inputs.analog[0] >= 20.0
+    });
+    let link = driver.diagnosis().expect("counters").link();
+    assert_eq!((&link["starts"], &link["refused"]), (&json!(1), &json!(2)));
+    let words = link["last_words"].as_str().unwrap_or_default();
+    assert!(words.contains("expected value"), "{words}");
+}
+
+/// A program that ignores the end of its input. It writes the ids of a process that it starts and of itself to this file,
+/// and gives values once.
+fn stubborn(file: &Path) -> String {
+    format!(
+        "import os, subprocess, sys, time\nchild = subprocess.Popen(['sleep', '1000'])\n\
+         open({file:?}, 'w').write(f'{{child.pid}} {{os.getpid()}}\\n')\n\
+         print('{{\"values\": {{}}}}', flush=True)\ntime.sleep(1000)"
+    )
+}
+
+/// Process ids in this file, once the program has written them.
+fn pids(file: &Path) -> Option<Vec<u32>> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let words = text.strip_suffix('\n')?.split(' ');
+    words.map(|word| word.parse().ok()).collect()
+}
+
+fn has_ended(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat"));
+    stat.map_or(true, |stat| stat.contains(") Z ") || stat.contains(") X "))
+}
+
+#[test]
 fn a_driver_that_ends_ends_its_program_and_all_that_it_started() {
     let folder = rcc_testing::folder();
-    let file = folder.path().join("pid");
-    let program = format!(
-        "import os, subprocess, sys, time\nchild = subprocess.Popen(['sleep', '1000'])\n\
-         open({file:?}, 'w').write(str(child.pid) + '\\n')\nprint('{{\"values\": {{}}}}', flush=True)\ntime.sleep(1000)"
-    );
-    let mut driver = opened(&device(&program));
+    let file = folder.path().join("pids");
+    let mut driver = opened(&device(&stubborn(&file)));
     until(&mut driver, &Outputs::NONE, |result, _| result.is_ok());
     drop(driver);
-    let pid = std::fs::read_to_string(&file).expect("the child's pid");
-    let stat = std::fs::read_to_string(format!("/proc/{}/stat", pid.trim()));
-    let ended = stat.map_or(true, |stat| stat.contains(") Z ") || stat.contains(") X "));
-    assert!(ended, "process {pid} lives on");
+    for pid in pids(&file).expect("process ids") {
+        assert!(has_ended(pid), "process {pid} lives on");
+    }
+}
+
+/// Names the file of [`stubborn`] to the process that is a driver for this test.
+const DRIVER: &str = "RCC_TEST_SOFTWARE_DRIVER";
+
+#[test]
+fn a_driver_that_is_killed_leaves_neither_its_program_nor_what_that_started() {
+    if let Some(file) = std::env::var_os(DRIVER) {
+        let _driver = opened(&device(&stubborn(Path::new(&file))));
+        // The process that started it kills it, or has died itself.
+        let _ = std::io::stdin().read_line(&mut String::new());
+        return;
+    }
+    let folder = rcc_testing::folder();
+    let file = folder.path().join("pids");
+    let (_, tests) = module_path!().split_once("::").expect("a module");
+    let name = "a_driver_that_is_killed_leaves_neither_its_program_nor_what_that_started";
+    let mut driver = Command::new(std::env::current_exe().expect("this test"))
+        .args(["--exact", &format!("{tests}::{name}")])
+        .env(DRIVER, &file)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("this test once more");
+    let pids = wait_for("the program", || pids(&file));
+    assert!(!pids.iter().any(|pid| has_ended(*pid)), "{pids:?}");
+    driver.kill().expect("SIGKILL");
+    driver.wait().expect("it has ended");
+    wait_for("the end of the program and its child", || {
+        pids.iter().all(|pid| has_ended(*pid)).then_some(())
+    });
+}
+
+/// Waits until there is a value.
+fn wait_for<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    while Instant::now() < end {
+        if let Some(value) = found() {
+            return value;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("{what}: not within {PATIENCE:?}");
+}
+
+#[test]
+fn a_program_that_closes_its_output_and_goes_on_is_ended_and_started_again() {
+    let program = "import os, time\nos.close(1)\ntime.sleep(1000)";
+    let mut driver = opened(&device(program));
+    let counters = driver.diagnosis().expect("counters");
+    until(&mut driver, &Outputs::NONE, |_, _| {
+        counters.link()["starts"].as_u64() >= Some(2)
+    });
 }
 
 #[test]

@@ -104,6 +104,16 @@ fn every_mistake_of_an_axis_is_told_with_its_key() {
         ("following_window", Value::Null, "invalid value"),
         ("following_window", json!("0 rad"), "invalid value"),
         ("following_window", json!("1 m"), "invalid value"),
+        (
+            "following_window",
+            json!("0.0000004 rad"),
+            "holds 1 to 4294967294 counts",
+        ),
+        (
+            "following_window",
+            json!("4294.967295 rad"),
+            "holds 1 to 4294967294 counts",
+        ),
         ("following_timeout", json!("0 ms"), "invalid value"),
         ("zero", json!(1), "invalid value"),
         ("statusword", json!(-1), "invalid value"),
@@ -127,6 +137,35 @@ fn every_mistake_of_an_axis_is_told_with_its_key() {
     });
     let words = "devices.device.settings.axes.tilt: is missing";
     assert!(error.to_string().starts_with(words), "{error}");
+}
+
+/// Opens a device whose first joint has this resolution, counts/rad, and this acceleration, rad/s².
+fn with_acceleration(counts_per_rad: f64, acceleration: f64) -> Result<(), String> {
+    let mut device = DriveLine::device(([127, 0, 0, 1], 9).into());
+    device.settings["axes"]["turn"]["counts_per_rad"] = json!(counts_per_rad);
+    let joint = &mut device.robot.as_mut().expect("a robot").joints[0];
+    joint.acceleration_rad_s2 = acceleration;
+    Ethercat::open(&device)
+        .map(drop)
+        .map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_quick_stop_that_the_drive_cannot_hold_is_refused_and_not_made_gentler() {
+    // An encoder of 24 bits behind a gear of 160:1: 4.27e8 counts/rad.
+    let resolution = f64::from(1 << 24) * 160.0 / std::f64::consts::TAU;
+    for (counts_per_rad, acceleration) in [(resolution, 15.0), (-resolution, 15.0), (1e6, 4e-7)] {
+        let error = with_acceleration(counts_per_rad, acceleration).expect_err("refused");
+        let path = "devices.device.settings.axes.turn.counts_per_rad: ";
+        assert!(error.starts_with(path), "{error}");
+        assert!(
+            error.contains("0x6085") && error.contains("acceleration of the joint in the robot"),
+            "{error}"
+        );
+    }
+    for (counts_per_rad, acceleration) in [(resolution, 10.0), (-resolution, 10.0), (1e6, 1e-6)] {
+        with_acceleration(counts_per_rad, acceleration).unwrap_or_else(|error| panic!("{error}"));
+    }
 }
 
 #[test]

@@ -1,0 +1,176 @@
+"""A timeout of the blocking client ends the waiting in time, whatever the stream of states tells meanwhile."""
+
+import http.server
+import json
+import select
+import socketserver
+import threading
+
+import pytest
+from test_cell import waiting
+
+import rcc
+
+
+class Loader(socketserver.ThreadingUnixStreamServer):
+    """Answers as a loader does: its command runs for ever, and its stream of states gives signs of life."""
+
+    daemon_threads = True
+
+    def __init__(self, path):
+        super().__init__(str(path), Handler)
+        #: Time between two signs of life, s; and their number, after which the stream ends.
+        self.every, self.signs = 0.01, 500
+        #: Signs of life of a stream that has ended; `None` while there is none.
+        self.given, self.streamed = None, threading.Event()
+        #: Answers to questions wait for it, if they are to be late.
+        self.answers = threading.Event()
+        self.answers.set()
+        self.asked = threading.Event()
+
+    def handle_error(self, *_):
+        """Says nothing of a client that has gone before its answer."""
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+    """One connection."""
+
+    protocol_version = "HTTP/1.1"
+
+    def do_POST(self):
+        """Answers any method."""
+        self.rfile.read(int(self.headers.get("content-length", 0)))
+        if self.path.startswith("/stream"):
+            self.stream()
+            return
+        if self.path.startswith("/commands"):
+            self.server.asked.set()
+            self.server.answers.wait(60)
+        sent = json.dumps({"id": 1, "net": "any", "state": "running", "executor": {}}).encode()
+        self.send_response(200)
+        self.send_header("content-length", str(len(sent)))
+        self.end_headers()
+        self.wfile.write(sent)
+
+    do_GET = do_DELETE = do_POST
+
+    def stream(self):
+        """Gives signs of life until the client has gone, or the last one is given."""
+        self.close_connection = True
+        self.send_response(200)
+        self.end_headers()
+        given = 0
+        while given < self.server.signs and not select.select([self.connection], [], [], self.server.every)[0]:
+            self.wfile.write(b": alive\n\n")
+            given += 1
+        self.server.given = given
+        self.server.streamed.set()
+
+    def log_message(self, *_):
+        """Says nothing."""
+
+    def address_string(self):
+        """A Unix socket has no name."""
+        return "local"
+
+
+@pytest.fixture
+def loader(tmp_path, monkeypatch):
+    """A loader of a cell of its own."""
+    monkeypatch.setenv("RCC_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "told").mkdir()
+    with Loader(tmp_path / "told/loader.sock") as server:
+        serving = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        serving.start()
+        yield server
+        server.answers.set()
+        server.shutdown()
+        serving.join()
+
+
+@pytest.mark.parametrize(
+    ("every", "signs", "timeout", "most"),
+    [
+        # Lines that keep arriving do not extend it.
+        (0.01, 500, 0.3, 499),
+        # Nor does one that arrives shortly before the end, and after which the stream is silent.
+        (1.5, 3, 1.6, 1),
+    ],
+)
+def test_a_wait_ends_in_time_whatever_the_stream_tells(loader, every, signs, timeout, most):
+    loader.every, loader.signs = every, signs
+    with rcc.connect("told") as cell, pytest.raises(TimeoutError, match=f"not within {timeout} s"):
+        cell.command(1).wait(timeout)
+    assert loader.streamed.wait(60)
+    assert loader.given <= most, "the client has not waited for the next sign of life"
+
+
+def test_a_wait_ends_in_time_if_the_loader_does_not_answer(loader):
+    with rcc.connect("told") as cell:
+        command = cell.command(1)
+        loader.answers.clear()
+        with pytest.raises(TimeoutError, match="not within"):
+            command.wait(0.3)
+
+
+def test_a_timeout_is_of_the_thread_that_waits(loader):
+    with rcc.connect("told") as cell:
+        command = cell.command(1)
+        loader.answers.clear()
+        loader.asked.clear()
+        late = []
+
+        def wait():
+            try:
+                command.wait(0.3)
+            except TimeoutError as error:
+                late.append(error)
+
+        waiter = threading.Thread(target=wait)
+        waiter.start()
+        assert loader.asked.wait(60)
+        # It is answered when the other thread has given up.
+        threading.Thread(target=lambda: (waiter.join(), loader.answers.set())).start()
+        command.cancel()
+        waiter.join()
+        assert len(late) == 1
+
+
+class Changing(threading.Thread):
+    """Loads and unloads nets over a connection of its own, which changes states all the time; has an end."""
+
+    ROUNDS = 1000
+
+    def __init__(self, cell_name):
+        super().__init__()
+        self.cell_name, self.stopped, self.rounds = cell_name, threading.Event(), 0
+
+    def run(self):
+        with rcc.connect(self.cell_name) as cell:
+            while not self.stopped.is_set() and self.rounds < self.ROUNDS:
+                cell.load(waiting("changing")).unload()
+                self.rounds += 1
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.stopped.set()
+        self.join()
+
+
+def test_a_wait_ends_in_time_while_other_commands_change(cell, cell_name):
+    command = cell.start(waiting("waited"))
+    with Changing(cell_name) as changing:
+        with pytest.raises(TimeoutError):
+            command.wait(0.5)
+        assert changing.is_alive() and 0 < changing.rounds < changing.ROUNDS
+
+
+def test_a_run_that_takes_too_long_is_canceled_while_other_commands_change(cell, cell_name):
+    with Changing(cell_name) as changing:
+        with pytest.raises(TimeoutError):
+            cell.run(waiting("run"), timeout=0.5)
+        assert changing.is_alive() and 0 < changing.rounds < changing.ROUNDS
+    assert cell.commands() == []
