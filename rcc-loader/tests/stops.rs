@@ -11,7 +11,7 @@ use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use fake_executor::{FakeExecutor, TestCell};
 use rcc_api::codes;
@@ -160,7 +160,15 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
     let left = send(&test.cell, "POST /commands/weld/start", "", b"");
     // The loader has received its head and body when it has answered a request that came later.
     assert_eq!(ask(&test.cell, "GET /commands/weld?brief=true", b"").0, 200);
-    std::thread::sleep(Duration::from_millis(100));
+    // One that came later and waits as long, for the executor itself: when it is given up, so is the pending one.
+    let later = send(
+        &test.cell,
+        "POST /leases",
+        "rcc-timeout-ms: 50\r\n",
+        br#"{"expires_ms": 60000}"#,
+    );
+    let (status, body) = answer(later);
+    assert_eq!(status, 504, "{body}");
     drop(left);
     assert_eq!(ask(&test.cell, "GET /commands/weld?brief=true", b"").0, 200);
     executor.hold(false);

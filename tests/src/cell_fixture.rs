@@ -422,6 +422,14 @@ impl ExecutorBoards {
     pub fn tables(&self) -> Tables {
         self.tables.read()
     }
+
+    /// Waits until the executor has computed `count` further cycles.
+    pub fn await_cycles(&self, count: u64) {
+        let begun = self.status().cycle;
+        await_some(&format!("{count} cycles"), || {
+            (self.status().cycle > begun + count).then_some(())
+        });
+    }
 }
 
 /// Returns all files below a folder, recursively.

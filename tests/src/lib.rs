@@ -25,6 +25,7 @@ pub mod rules;
 pub mod set_points;
 pub mod simulator;
 pub mod software_age;
+pub mod stalls;
 pub mod turns;
 pub mod unsupervised_cell;
 pub mod waiting;

@@ -4,6 +4,7 @@
 use rcc_core::message::ClockState;
 use rcc_protocol::Role;
 use rcc_tests::cell_fixture::ExecutorBoards;
+use rcc_tests::stalls::run_until_finished;
 use rcc_tests::{TestCell, await_some, nets};
 
 /// Starts the demo cell with another period and with a clock that follows the robot.
@@ -24,24 +25,10 @@ fn await_clock(watch: &ExecutorBoards, state: ClockState) {
     });
 }
 
-/// Runs a line there and one back. If the machine suspends the executor for longer than a clock bridges (10 ms), the
-/// motion ends at rest and the log gives the reason; then the line is run again from where the arm rests.
+/// Runs a line there and one back.
 fn move_there_and_back(cell: &TestCell) {
     for (name, y) in [("there", 0.15), ("back", 0.0)] {
-        await_some(name, || {
-            let id = cell.run(&nets::line(name, y, 0.1));
-            let row = cell.await_end(id);
-            let starved = cell
-                .logs()
-                .contains("no more set-points arrived while the device moved");
-            let slept = starved && row["fault"]["fault"] == "device lost";
-            assert!(
-                row["reason"] == "finished" || slept,
-                "{row}\n{}",
-                cell.logs()
-            );
-            (row["reason"] == "finished").then_some(())
-        });
+        run_until_finished(cell, "lwr", &nets::line(name, y, 0.1));
     }
 }
 

@@ -7,12 +7,15 @@ use rcc_protocol::Role;
 use rcc_testing::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::ends_with_test;
+use rcc_tests::records::RecordCollector;
 use rcc_tests::simulator::Simulator;
 use rcc_tests::{TestCell, await_some, program, repository};
 use serde_json::{Value, json};
 
 /// Number of times that the cable is pulled.
 const PULLS: usize = 3;
+/// Number of single exchanges with a wrong working counter.
+const SINGLE_MISSES: u64 = 20;
 
 /// Switches lamp, clamp and pressure on, and monitors what comes back; ends by CANCEL.
 const ALL_ON: &str = "
@@ -51,6 +54,44 @@ fn on_ethernet(text: String) -> String {
 fn patient(text: String) -> String {
     text.replace("timeout: 10 ms", "timeout: 50 ms")
         .replace("watchdog: 100 ms", "watchdog: 500 ms")
+}
+
+/// Counts of exchanges since the driver started, from its next diagnosis: it writes one each second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ExchangeCounts {
+    complete: u64,
+    wrong: u64,
+    silent: u64,
+}
+
+impl ExchangeCounts {
+    fn of(cell: &CellFixture) -> ExchangeCounts {
+        let read = || {
+            let path = cell.cell().drivers_dir().join("line.json");
+            let text = std::fs::read_to_string(path).ok()?;
+            let link = serde_json::from_str::<Value>(&text).ok()?["link"].take();
+            Some(ExchangeCounts {
+                complete: link["complete"].as_u64()?,
+                wrong: link["wrong_working_counter"].as_u64()?,
+                silent: link["silent"].as_u64()?,
+            })
+        };
+        let newest = await_some("a diagnosis", read);
+        await_some("the next diagnosis", || {
+            read().filter(|next| *next != newest)
+        })
+    }
+
+    /// Asserts that `missed` exchanges had a wrong working counter since `before`, except for those that a stall of the machine
+    /// left without an answer.
+    fn assert_missed(self, before: ExchangeCounts, missed: u64) {
+        let wrong = self.wrong - before.wrong;
+        let lost = wrong + self.silent - before.silent;
+        assert!(
+            wrong <= missed && missed <= lost,
+            "{missed} missed: {before:?}, {self:?}"
+        );
+    }
 }
 
 fn outputs(line: &mut Simulator) -> (Value, Value) {
@@ -170,23 +211,49 @@ fn a_wrong_working_counter_is_null_at_once_and_a_loss_after_the_configured_numbe
             .replace("lost_after: 5", "lost_after: 2000")
             .replace(
                 "driver: ethercat",
-                "driver: ethercat\n    command_timeout: 5 s",
+                "driver: ethercat\n    command_timeout: 9 s",
             )
     });
     let mut line = cell.simulator("line-sim");
-    let id = cell.run(ALL_ON);
+    let id = cell.run(&ALL_ON.replace("Monitor,", "Monitor, parameters: {rate: 1000 Hz},"));
     await_outputs(&mut line, lamps(1, 1), HALF);
+    let losses = |cell: &TestCell| cell.device("line").expect("a row")["losses"].clone();
+    let (lost, before) = (losses(&cell), ExchangeCounts::of(&cell));
+    // Each single exchange is null. The executor sees most of them: an exchange may pass between two of its cycles.
+    let records = RecordCollector::follow(&cell);
+    for _ in 0..SINGLE_MISSES {
+        let frames = |line: &mut Simulator| line.state()["frames"].as_u64().expect("frames");
+        let begun = frames(&mut line);
+        line.ask(&json!({"miss": {"terminal": 1, "frames": 1}}));
+        await_some("values between the misses", || {
+            (frames(&mut line) > begun + 10).then_some(())
+        });
+    }
+    let records = records.finish();
+    let mut of_net = records.iter().filter(|record| record.command == id);
+    assert!(
+        of_net.any(|record| record.values[0].is_nan()),
+        "no null among {} records",
+        records.len()
+    );
+    ExchangeCounts::of(&cell).assert_missed(before, SINGLE_MISSES);
     line.ask(&json!({"miss": {"terminal": 1, "frames": 1500}}));
     await_some("null while a terminal takes no part", || {
         cell.value(id, "measured.out").is_null().then_some(())
     });
     await_some("values again", || cell.value(id, "measured.out").as_f64());
     assert_eq!(cell.state(id)["state"], "running");
+    ExchangeCounts::of(&cell).assert_missed(before, SINGLE_MISSES + 1500);
+    assert_eq!(losses(&cell), lost, "fewer than lost_after");
     line.ask(&json!({"miss": {"terminal": 1, "frames": 1_000_000}}));
     cell.await_device("line", "offline");
     assert_lost(&cell, id);
     let row = cell.device("line").expect("a row");
     assert!(row.to_string().contains("wrong working counter"), "{row}");
+    await_some("the number of lost exchanges in the log", || {
+        let words = "is lost after 2000 lost exchanges";
+        cell.logs().contains(words).then_some(())
+    });
     // The line is still exchanged with, and gets the safe values.
     await_outputs(&mut line, lamps(0, 1), SAFE);
     line.ask(&json!({"miss": {"terminal": 1, "frames": 0}}));

@@ -7,6 +7,7 @@ use rcc_protocol::Role;
 use rcc_testing::namespace::{FAR, NEAR, in_namespace, plug_cable, pull_cable};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::simulator::Simulator;
+use rcc_tests::stalls::run_until_finished;
 use rcc_tests::{TestCell, await_some, repository, turns};
 use serde_json::{Value, json};
 
@@ -149,11 +150,16 @@ fn a_fault_stops_all_drives_and_only_a_new_start_resets_it() {
     assert!(words.contains(wanted), "{words}");
     // The output is still on: that is no new permission.
     assert_eq!(cell.state(power)["state"], "running");
-    let (_, refusal) = cell.load_any(&to(0.0, 0.0, 0.3));
-    assert!(
-        refusal.to_string().contains("ready") || refusal["state"] != "running",
-        "{refusal}"
+    let id = cell.load(&to(0.0, 0.0, 0.3));
+    let refused = cell.operate(id, "start");
+    assert_eq!(
+        (refused.status, refused.code()),
+        (409, "RCC3008"),
+        "{refused:?}"
     );
+    let words = refused.error_text();
+    assert!(words.contains("a drive is in fault"), "{words}");
+    assert_eq!(cell.state(id)["state"], "ready");
     assert_eq!(drives(&mut line)[1]["state"], "fault");
     cell.done(power, "cancel");
     cell.assert_ends(power, "canceled");
@@ -307,8 +313,7 @@ fn the_cycles_follow_the_exchanges_of_the_line_if_the_clock_does() {
     let mut line = cell.simulator("line-sim");
     let frames = line.state()["frames"].as_u64().expect("frames");
     let cycle = watch.status().cycle;
-    let id = cell.run(&to(0.2, 0.0, 0.3));
-    cell.await_end(id);
+    run_until_finished(&cell, "table", &to(0.2, 0.0, 0.3));
     // As many cycles as exchanges, but for those before the one and after the other reading.
     let exchanges = line.state()["frames"].as_u64().expect("frames") - frames;
     let cycles = watch.status().cycle - cycle;

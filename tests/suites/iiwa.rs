@@ -120,6 +120,15 @@ fn an_emergency_stop_ends_the_net_and_nothing_moves_until_a_person_and_a_start()
     cell.await_device("lwr", "ready");
     arm.reset_statistics();
     arm.assert_still(500);
+    let row = cell.device("lwr").expect("a row");
+    assert!(row["holder"].is_null(), "{row}");
+    let id = cell.run(&nets::line("again", 0.15, 0.1));
+    cell.assert_ends(id, "finished");
+    let state = arm.await_rest();
+    assert_eq!(state["faults"], json!([]), "{state}");
+    // The simulator's base is turned against that of the robot's file.
+    let y = state["flange_position"][1].as_f64().expect("a number");
+    assert!((y + 0.15).abs() < 1e-3, "{state}");
     for effect in [
         &["force", "0", "0", "-5"][..],
         &["loss", "20%"],

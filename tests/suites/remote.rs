@@ -8,16 +8,17 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
+use rcc_testing::TempDir;
 use rcc_tests::{TestCell, await_some, nets, program};
 use serde_json::Value;
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 
-/// A cell with a TCP port, and a folder for its clients.
+/// A cell with a TCP port, and a folder for its clients, which is removed also if the test fails.
 struct RemoteCell {
     cell: TestCell,
     url: String,
-    folder: PathBuf,
+    folder: TempDir,
 }
 
 impl RemoteCell {
@@ -25,9 +26,8 @@ impl RemoteCell {
         // Free until the loader binds it, unless another program is as fast; the cell would say so.
         let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
         let address = free.expect("a free port");
-        let folder = std::env::temp_dir().join(format!("rcc-remote-{}", address.port()));
-        fs::create_dir_all(&folder).expect("a folder");
-        let token = folder.join("token");
+        let folder = rcc_testing::folder();
+        let token = folder.path().join("token");
         fs::write(&token, TOKEN).expect("a token");
         fs::set_permissions(&token, fs::Permissions::from_mode(0o600)).expect("private");
         let access = format!(
@@ -45,7 +45,7 @@ impl RemoteCell {
     fn cli(&self, arguments: &[&str]) -> Output {
         let mut command = Command::new(program("rcc-cli"));
         command
-            .env("RCC_RUNTIME_DIR", self.folder.join("run"))
+            .env("RCC_RUNTIME_DIR", self.folder.path().join("run"))
             .env("RCC_TOKEN", TOKEN)
             .env_remove("RCC_CELL")
             .args(["--url", &self.url, "--timeout", "20s"])
@@ -71,7 +71,7 @@ impl RemoteCell {
 
     fn stop(self) {
         self.cell.stop();
-        fs::remove_dir_all(&self.folder).expect("ours");
+        self.folder.close().expect("ours");
     }
 }
 
@@ -105,7 +105,7 @@ fn events_and_incidents_of_another_machine_are_those_of_its_cell() {
     assert_eq!(here, there);
     assert_eq!(there[0][0]["reason"], "request");
 
-    let copy = remote.folder.join("copy.rcc-incident");
+    let copy = remote.folder.path().join("copy.rcc-incident");
     let path = copy.to_str().expect("UTF-8");
     let fetched = remote.json(&["incidents", "fetch", &file, "-o", path]);
     let (original, copied) = (

@@ -111,13 +111,24 @@ fn await_rule(cell: &TestCell, rule: u64, state: &str) -> Value {
     })
 }
 
-/// Nothing is running, and the arm is not commanded: nothing starts again.
+/// Nothing is running, and the arm is not commanded: nothing starts again, for some hundred cycles.
 fn assert_at_rest(cell: &TestCell, case: &Case) {
     cell.await_devices();
-    for id in [case.first, case.second] {
-        let state = cell.state(id)["state"].clone();
-        assert!(state == "ready" || state == "terminated", "{id}: {state}");
-    }
+    let is_free = || Some(cell.device("lwr")?["holder"].is_null());
+    await_some("the arm to be commanded by no net", || {
+        is_free()?.then_some(())
+    });
+    let states = || [case.first, case.second].map(|id| cell.state(id)["state"].clone());
+    let at_rest = states();
+    let rests = |state: &Value| state == "ready" || state == "terminated";
+    assert!(at_rest.iter().all(rests), "{at_rest:?}");
+    let watch = cell.watch();
+    let begun = watch.status().cycle;
+    await_some("some hundred cycles", || {
+        assert_eq!(states(), at_rest, "a net started again");
+        assert!(is_free()?, "a net commands the arm again");
+        (watch.status().cycle > begun + 300).then_some(())
+    });
 }
 
 fn unload(cell: &TestCell, case: &Case) {

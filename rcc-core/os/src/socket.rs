@@ -82,10 +82,10 @@ mod tests {
 
     #[test]
     fn a_socket_is_private_from_the_start() -> io::Result<()> {
-        let path = std::env::temp_dir().join(format!("rcc-os-{}-born.sock", std::process::id()));
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("born.sock");
         let _listener = bind_private(&path)?;
         let mode = fs::metadata(&path)?.mode();
-        fs::remove_file(&path)?;
         assert_eq!(mode & 0o077, 0);
         Ok(())
     }

@@ -2,7 +2,6 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Stdio};
-use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use rcc_tests::cell::TestCell;
@@ -193,8 +192,7 @@ impl CellPair {
             }
         });
         let rests = self.joint().expect("a position");
-        // Some hundred cycles more.
-        std::thread::sleep(Duration::from_millis(100));
+        self.b.watch().await_cycles(300);
         assert_eq!(self.value("gone.out"), Ok(Value::Bool(true)));
         assert_eq!(self.joint(), Ok(rests));
     }
