@@ -183,7 +183,7 @@ pub fn function(number: u16) -> RunKernel {
 
 /// Version of the time laws of motions. It is to be changed with every change of a set-point of a motion, so that an incident
 /// that was recorded before is refused instead of being evaluated to other values.
-const TIME_LAWS: &str = "time laws 2";
+const TIME_LAWS: &str = "time laws 3";
 
 /// Returns a hash of names, ports and parameters, and of the version of time laws: builds with equal fingerprints agree on
 /// the meaning of kernel numbers and plan the same motions.

@@ -103,7 +103,7 @@ impl Unit {
     }
 
     /// Parses `m/s`, `N`, `deg/s^2`, `mm`, …; returns the SI unit and the factor to it. `None` if a name is not in
-    /// [`UNIT_NAMES`].
+    /// [`UNIT_NAMES`], or a power is above 8 or below -8.
     pub fn parse(text: &str) -> Option<(Unit, f64)> {
         let mut result = (Unit::ONE, 1.0);
         let mut sign = 1;
@@ -116,7 +116,8 @@ impl Unit {
                 None => (factor.trim(), 1),
             };
             let named = UNIT_NAMES.iter().find(|named| named.name == name)?;
-            for _ in 0..power.unsigned_abs().min(8) {
+            let count = Some(power.unsigned_abs()).filter(|count| *count <= POWER_MAX)?;
+            for _ in 0..count {
                 let step = sign * power.signum();
                 result.0 = result.0.combine(named.unit, step);
                 result.1 *= if step > 0 {
@@ -135,6 +136,9 @@ impl Unit {
         }
     }
 }
+
+/// Largest power in a text: more than any quantity of physics has, and far from the limits of an `i8`.
+const POWER_MAX: u8 = 8;
 
 /// A unit name that text may use.
 #[derive(Clone, Copy, Debug)]
@@ -245,6 +249,14 @@ mod tests {
     }
 
     #[test]
+    fn powers_up_to_eight_are_exact() {
+        let power = |power: i8| unit(power, 0, 0, 0, 0, 0);
+        assert_eq!(Unit::parse("m^8"), Some((power(8), 1.0)));
+        assert_eq!(Unit::parse("1/m^8"), Some((power(-8), 1.0)));
+        assert_eq!(Unit::parse("m^-8"), Some((power(-8), 1.0)));
+    }
+
+    #[test]
     fn only_even_powers_have_a_root() {
         let area = Unit::METRE.times(Unit::METRE);
         assert_eq!(area.root(), Some(Unit::METRE));
@@ -254,9 +266,12 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_name_is_refused() {
+    fn an_unknown_name_or_power_is_refused() {
         assert_eq!(Unit::parse("furlong"), None);
         assert_eq!(Unit::parse("m/"), None);
+        assert_eq!(Unit::parse("m^9"), None);
+        assert_eq!(Unit::parse("m^-9"), None);
+        assert_eq!(Unit::parse("m^-128"), None);
         assert_eq!(Unit::parse(""), None);
     }
 }

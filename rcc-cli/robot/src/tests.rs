@@ -322,6 +322,42 @@ fn missing_parts_of_a_urdf_are_reported_with_their_line() {
 }
 
 #[test]
+fn limits_that_urdf_1_2_leaves_unlimited_are_those_of_no_limits() {
+    let text = data("kr6_r900_2.urdf");
+    let bounds = "lower=\"-6.1086523819801535\" upper=\"6.1086523819801535\" velocity=\"3\"";
+    let joint = "name=\"j6\" type=\"revolute\"";
+    assert!(text.contains(bounds) && text.contains(joint));
+    for version in ["1.0", "1.2"] {
+        let name = format!("<robot version=\"{version}\" name=");
+        let text = text.replacen("<robot name=", &name, 1);
+        // A continuous joint has a speed, and no range; bounds that are written are ignored.
+        for limit in ["velocity=\"3\"", bounds] {
+            let continuous = text.replacen(bounds, limit, 1).replacen(
+                joint,
+                "name=\"j6\" type=\"continuous\"",
+                1,
+            );
+            let arm = import(&continuous, None, None).unwrap();
+            let last = &arm.chain.revolute_joints[5];
+            assert_eq!((last.range, last.velocity), (None, Some(3.0)), "{version}");
+        }
+        // No speed, or an unlimited one: one is assumed, and the text says so.
+        for speed in ["", " velocity=\"inf\""] {
+            let slow = text.replacen(bounds, &bounds.replace(" velocity=\"3\"", speed), 1);
+            let arm = import(&slow, None, None).unwrap();
+            assert_eq!(arm.chain.revolute_joints[5].velocity, None, "{version}");
+            let text = yaml(&arm, "kr6.urdf");
+            assert!(text.contains("no speed in the URDF: assumed"), "{text}");
+        }
+    }
+    // A revolute joint without bounds is unlimited in 1.2: it is a continuous one.
+    let text = text.replacen("<robot name=", "<robot version=\"1.2\" name=", 1);
+    let unlimited = text.replacen(bounds, "velocity=\"3\"", 1);
+    let refusal = import(&unlimited, None, None).unwrap_err().to_string();
+    assert!(refusal.contains("is `continuous`"), "{refusal}");
+}
+
+#[test]
 fn a_quaternion_replaces_angles_from_version_1_1_on() {
     let text = data("kr6_r900_2.urdf");
     let name = "<robot name=";

@@ -83,9 +83,9 @@ pub(crate) struct UrdfJoint {
     /// Transformation from the parent's frame to the joint's frame, with the joint at 0.
     pub origin: Isometry3<f64>,
     pub axis: [f64; 3],
-    /// `[lower, upper]`, rad.
+    /// `[lower, upper]`, rad; `[0, 0]` for a continuous joint, whose bounds URDF ignores.
     pub range: [f64; 2],
-    /// Largest speed, rad/s.
+    /// Largest speed, rad/s; 0 if it is not given or unlimited.
     pub velocity: f64,
     /// Joint that this one mimics.
     pub mimic: Option<String>,
@@ -184,11 +184,18 @@ fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<UrdfJoint, UrdfError
         axis: element(node, "axis").map_or(Ok([1.0, 0.0, 0.0]), |axis| {
             vector(axis, "xyz", [1.0, 0.0, 0.0])
         })?,
-        range: [
-            number(limit, "lower", bound(f64::NEG_INFINITY))?,
-            number(limit, "upper", bound(f64::INFINITY))?,
-        ],
-        velocity: number(limit, "velocity", bound(f64::INFINITY))?,
+        range: match kind {
+            JointKind::Continuous => [0.0; 2],
+            _ => [
+                number(limit, "lower", bound(f64::NEG_INFINITY))?,
+                number(limit, "upper", bound(f64::INFINITY))?,
+            ],
+        },
+        // In version 1.2 a missing speed is unlimited: for an arm it is as unknown as in earlier versions.
+        velocity: match number(limit, "velocity", 0.0)? {
+            f64::INFINITY => 0.0,
+            velocity => velocity,
+        },
         mimic: mimic.transpose()?,
         soft: soft.transpose()?,
     })

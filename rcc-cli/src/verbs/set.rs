@@ -120,10 +120,15 @@ fn list(inputs: &[&InputNames], values: &ValuesView) -> String {
 }
 
 fn range(input: &InputNames) -> String {
+    // An element without a bound is NaN.
+    let shown = |value: &f64| match value.is_nan() {
+        true => "…".to_owned(),
+        false => value.to_string(),
+    };
     let bound = |values: &[f64]| match values {
         [] => "…".to_owned(),
-        [one] => one.to_string(),
-        all => format!("{all:?}"),
+        [one] => shown(one),
+        all => format!("[{}]", all.iter().map(shown).collect::<Vec<_>>().join(", ")),
     };
     match (&input.at_least[..], &input.at_most[..]) {
         ([], []) => String::new(),

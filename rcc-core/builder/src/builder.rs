@@ -31,6 +31,22 @@ pub enum BuildError {
         /// Name of the input.
         input: String,
     },
+    /// A matrix has no such element.
+    #[error(
+        "`{output}[{row},{column}]` does not exist: the matrix has {rows} rows and {columns} columns, counted from 0"
+    )]
+    NoElement {
+        /// The output: `primitive.port`.
+        output: String,
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// Number of rows.
+        rows: usize,
+        /// Number of columns.
+        columns: usize,
+    },
     /// A name or a constant is not valid in the language, or an id is used twice. The diagnostics refer to the
     /// generated text.
     #[error("{0}")]
@@ -54,6 +70,8 @@ pub(crate) struct NetState {
     discard: Vec<String>,
     /// Outputs that must be read or discarded.
     outputs: Vec<String>,
+    /// The first mistake that the types of the ports do not exclude.
+    mistake: Option<BuildError>,
     /// Number of generated ids.
     generated_ids: usize,
 }

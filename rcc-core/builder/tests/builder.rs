@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, auto_ports, yaml};
 use rcc_language::{compile, parse, write};
-use rcc_net::{BuildError, NetBuilder, Real, Reals, literal, null};
+use rcc_net::{BuildError, Matrix, NetBuilder, Real, Reals, literal, null};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -68,6 +68,34 @@ fn constants_of_every_type_are_written() {
     net.monitor("third", goal.out);
     net.termination("end", false);
     is_valid(&net);
+}
+
+#[test]
+fn an_element_of_a_matrix_is_named_by_row_and_column() {
+    let identity = || literal::<Matrix<2, 2>>("[[1.0, 0.0], [0.0, 1.0]]");
+    let product = |net: &NetBuilder, row, column| {
+        let product = net.matrix_multiply("product", identity(), identity());
+        let product = product.out.assume::<Matrix<2, 2>>();
+        net.monitor("watch", product.element(row, column));
+        net.termination("end", false);
+    };
+    let net = NetBuilder::new("matrix");
+    product(&net, 1, 0);
+    let text = net.to_yaml().unwrap();
+    assert!(text.contains("product.out[1,0]"), "{text}");
+    is_valid(&net);
+    for (row, column) in [(0, 2), (2, 0)] {
+        let net = NetBuilder::new("matrix");
+        product(&net, row, column);
+        let error = BuildError::NoElement {
+            output: "product.out".to_owned(),
+            row,
+            column,
+            rows: 2,
+            columns: 2,
+        };
+        assert_eq!(net.build().unwrap_err(), error);
+    }
 }
 
 #[test]

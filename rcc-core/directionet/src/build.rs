@@ -2,6 +2,7 @@
 //! the table says. Everything without a counterpart is reported with its span, all at once. Runs on the loader's
 //! threads.
 
+mod arrays;
 mod finish;
 mod names;
 mod nulls;
@@ -29,7 +30,7 @@ use super::flatten::{FlatNet, FlatSource};
 use super::table::{Counterpart, TypeEntry};
 use super::values;
 
-/// Most elements that all changed and sliced arrays of a net may have together: each has its own list of up to 1024.
+/// Most elements that all arrays of a net may have together: each has its own list of up to 1024.
 const ARRAY_ELEMENTS_MAX: usize = 1 << 20;
 
 /// The conversion of an output of the predecessor.

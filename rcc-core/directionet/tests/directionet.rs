@@ -92,6 +92,36 @@ fn all_errors_of_a_text_are_reported_with_their_spans() {
     );
 }
 
+#[test]
+fn arrays_beyond_the_longest_length_are_refused_before_they_are_built() {
+    use rcc_language::codes;
+    // One array more than the limit of 2^20 elements.
+    let many: Vec<String> = (0..1025)
+        .map(|number| format!("{number}=Core::DoubleArray(Size='1024')"))
+        .collect();
+    let texts = [
+        (
+            codes::BAD_ELEMENT,
+            "{1=Core::DoubleArray(Size='1'),2=Core::DoubleArraySlice(inArray=1.outArray,Size='1',Start='4294967294')}".to_owned(),
+        ),
+        (
+            codes::BAD_ELEMENT,
+            "{1=Core::DoubleArray(Size='1'),2=Core::DoubleArraySlice(inArray=1.outArray,Size='2',Start='1023')}".to_owned(),
+        ),
+        (
+            codes::OUT_OF_RANGE,
+            "{1=Core::DoubleArray(Size='1'),2=Core::DoubleArraySetNull(inValue=1.outArray,Size='4000000000')}".to_owned(),
+        ),
+        (codes::NET_TOO_LARGE, format!("{{{}}}", many.join(","))),
+    ];
+    for (code, text) in texts {
+        let faults = compile(&text, "net", &demo()).unwrap_err();
+        let found = faults.diagnostics.iter().filter(|fault| fault.code == code);
+        let shown = &text[..text.len().min(120)];
+        assert_eq!(found.count(), 1, "{shown}\n{faults}");
+    }
+}
+
 /// A motion to run: its file, start, the keys that end it, and the goal that the text states.
 struct Motion {
     file: &'static str,

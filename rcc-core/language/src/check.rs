@@ -12,6 +12,7 @@ mod loops;
 mod motions;
 mod nulls;
 mod topics;
+mod transitions;
 mod types;
 
 use rcc_config::diagnostic::{Diagnostic, Severity};
@@ -60,6 +61,7 @@ const CHECKS: &[Check] = &[
     fragments::inputs_match_fragment_declarations,
     fragments::conditions_are_truth_values,
     fragments::outputs_read_outside_a_region_can_become_null,
+    transitions::transitions_are_possible,
     inputs::bounds_are_numeric,
     inputs::units_are_given_for_numbers_only,
     inputs::initial_values_are_within_bounds,

@@ -9,7 +9,7 @@ mod sources;
 
 use std::collections::{HashMap, HashSet};
 
-use rcc_config::diagnostic::Diagnostic;
+use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 
 use crate::codes;
@@ -148,13 +148,18 @@ impl<'a> Expander<'a, '_> {
     }
 
     fn has_room_for(&mut self, primitive: &Primitive, scope: &Scope<'_>) -> bool {
+        let span = scope.shift.span(primitive.id.span);
+        self.add(weight(primitive), span)
+    }
+
+    /// Adds to the size of the expanded net. Returns false if it is above [`EXPANDED_MAX`], which is reported once.
+    fn add(&mut self, size: usize, span: Span) -> bool {
         let had_room = self.expanded <= EXPANDED_MAX;
-        self.expanded = self.expanded.saturating_add(weight(primitive));
+        self.expanded = self.expanded.saturating_add(size);
         if self.expanded <= EXPANDED_MAX {
             return true;
         }
         if had_room {
-            let span = scope.shift.span(primitive.id.span);
             let message = "the net is too large after its fragments are expanded";
             let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, span, message);
             let diagnostic = diagnostic.label("the first one too many");
@@ -313,6 +318,14 @@ impl<'a> Expander<'a, '_> {
             }
         }
         for input in &fragment.inputs {
+            if let Some(LiteralShape::List(default)) = input.default.as_ref().map(|it| &it.shape)
+                && !given.contains_key(input.name.name.as_str())
+            {
+                let size = default.iter().map(elements).sum();
+                if !self.add(size, scope.shift.span(instance.id.span)) {
+                    break;
+                }
+            }
             let bound = given.entry(&input.name.name).or_insert_with(|| BoundInput {
                 source: match &input.default {
                     Some(default) => Source::Literal(shift.literal(default)),
@@ -356,10 +369,7 @@ fn weight(primitive: &Primitive) -> usize {
     let parameters = primitive.parameters.iter();
     let parameters = parameters.map(|(_, literal)| elements(literal));
     let inputs = primitive.inputs.iter();
-    let inputs = inputs.map(|(_, source)| {
-        let constants = source.constants().into_iter().map(elements);
-        1 + source.links().len() + constants.sum::<usize>()
-    });
+    let inputs = inputs.map(|(_, source)| 1 + source_weight(source));
     // An instance costs more: its path and its span are stored as well.
     let itself = if primitive.kind == PrimitiveKind::Fragment {
         16
@@ -369,6 +379,13 @@ fn weight(primitive: &Primitive) -> usize {
     itself + parameters.sum::<usize>() + inputs.sum::<usize>()
 }
 
+/// Returns the number of links in a source and of elements of its constants.
+fn source_weight(source: &Source) -> usize {
+    let constants = source.constants().into_iter().map(elements);
+    source.links().len() + constants.sum::<usize>()
+}
+
+/// Returns the number of elements of a constant, lists themselves included.
 fn elements(literal: &Literal) -> usize {
     match &literal.shape {
         LiteralShape::List(elements) => 1 + elements.iter().map(self::elements).sum::<usize>(),

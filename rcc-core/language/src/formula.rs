@@ -46,6 +46,18 @@ pub const LENGTH_MAX: usize = 4096;
 /// Deepest nesting of parentheses, signs, arguments and branches.
 pub const DEPTH_MAX: usize = 64;
 
+/// Most elements of lists that the terms of all expressions of a net have together. A list is copied wherever it is
+/// named: without a limit, one expression that names a list of 1024 elements 2000 times had two million links.
+pub const LIST_ELEMENTS_MAX: usize = 1 << 20;
+
+/// The list elements in the terms of all expressions of a net so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct ListCount {
+    elements: usize,
+    /// The limit is exceeded, and this is reported.
+    is_reported: bool,
+}
+
 /// Returns true for the parameter of a `Formula`.
 pub(crate) fn is_expression(primitive: &Primitive, parameter: &Key) -> bool {
     is_formula(primitive) && parameter.name == EXPRESSION
@@ -65,6 +77,7 @@ pub fn lower(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> PortWords {
     let mut words = PortWords::default();
+    let mut lists = ListCount::default();
     let no_inputs = Vec::new();
     let own = (&mut net.primitives, &net.discard, no_inputs);
     let fragments = net.fragments.iter_mut().chain(library);
@@ -75,7 +88,8 @@ pub fn lower(
     });
     for (primitives, discard, inputs) in std::iter::once(own).chain(fragments) {
         if primitives.iter().any(has_formula) {
-            BodyLowering::new(inputs, discard, sources, diagnostics).run(primitives, &mut words);
+            let body = BodyLowering::new(inputs, discard, sources, diagnostics);
+            body.run(primitives, &mut words, &mut lists);
         }
     }
     words

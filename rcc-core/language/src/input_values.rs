@@ -133,9 +133,10 @@ fn within(input: &InputNames, literal: &Literal, diagnostics: &mut Vec<Diagnosti
         .unit
         .as_ref()
         .map_or(String::new(), |unit| format!(" {unit}"));
-    let numbers = literal.numbers();
     for (bounds, least) in [(&input.at_least, true), (&input.at_most, false)] {
-        let pairs = numbers.iter().zip(bounds);
+        // A null element is within all bounds, and a bound that is NaN holds nothing back.
+        let pairs = literal.elements_or_null().zip(bounds);
+        let pairs = pairs.filter_map(|(value, bound)| Some((value?, *bound)));
         let mut outside = pairs.filter(|(value, bound)| match least {
             true => value < bound,
             false => value > bound,

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use rcc_config::yaml::ShortText;
 use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
-use rcc_core::types::Store;
+use rcc_core::types::{NULL_INT, NULL_REAL, Store};
 use rcc_protocol::control::PlanData;
 use serde::{Deserialize, Serialize};
 
@@ -144,11 +144,21 @@ pub struct InputNames {
     pub type_name: String,
     /// Unit of the value or of each element; `None` if the type implies it or has none.
     pub unit: Option<String>,
-    /// Lower bound of each element, SI units; empty if there is none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Lower bound of each element, SI units; NaN for an element without one, which is null in JSON. Empty if no element
+    /// has one.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        with = "nullable_numbers"
+    )]
     pub at_least: Vec<f64>,
-    /// Upper bound of each element, SI units; empty if there is none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Upper bound of each element, SI units; NaN for an element without one, which is null in JSON. Empty if no element
+    /// has one.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        with = "nullable_numbers"
+    )]
     pub at_most: Vec<f64>,
     /// Time after which the value becomes null unless it is set again, s; `None` if it never expires.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -156,6 +166,23 @@ pub struct InputNames {
     /// Topic that the value is subscribed to; `None` if the value is set by clients.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
+}
+
+/// Numbers of which some may be missing: NaN in memory, null in JSON, which has no NaN.
+mod nullable_numbers {
+    use rcc_core::types::NULL_REAL;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(numbers: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+        let numbers = numbers.iter();
+        serializer.collect_seq(numbers.map(|number| (!number.is_nan()).then_some(*number)))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+        let numbers = Vec::<Option<f64>>::deserialize(deserializer)?;
+        let numbers = numbers.into_iter();
+        Ok(numbers.map(|number| number.unwrap_or(NULL_REAL)).collect())
+    }
 }
 
 /// Returns the names of a lowered net.
@@ -280,14 +307,18 @@ fn publishes(net: Typed<'_>, lowered: &Lowered) -> Vec<TopicNames> {
     rows.collect()
 }
 
-/// Returns the elements of a bound.
+/// Returns the elements of a bound; NaN for null.
 fn numbers(plan: &PlanData, point: &InputPoint, slot: u32) -> Vec<f64> {
     let (first, count) = (slot as usize, point.width as usize);
     match point.store {
         Store::Real => plan.reals.iter().skip(first).take(count).copied().collect(),
         Store::Int => {
             let values = plan.ints.iter().skip(first).take(count);
-            values.map(|value| *value as f64).collect()
+            let numbers = values.map(|value| match *value {
+                NULL_INT => NULL_REAL,
+                value => value as f64,
+            });
+            numbers.collect()
         }
         Store::Bool => Vec::new(),
     }

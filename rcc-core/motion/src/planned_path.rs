@@ -149,7 +149,7 @@ pub struct ReducedBlend {
     pub leg: u32,
     /// Requested zone, m.
     pub asked_m: f64,
-    /// Actual zone, m; 0: the motion stops in the corner.
+    /// Actual zone, m; 0: the motion stops in the corner, or a leg beside it turns on the spot.
     pub made_m: f64,
 }
 

@@ -265,7 +265,7 @@ class CircularMotion(Block):
 
     @property
     def acceleration(self) -> Port:
-        """Real [m/s^2]: acceleration of the flange along the path; negative while braking"""
+        """Real [m/s^2]: acceleration of the flange along the path; negative while braking. On lines in joint space, blends and splines without arc length it is the acceleration of the path's clock times the length of the tangent, not the derivative of `speed`"""
         return self['acceleration']
 
     @property
@@ -893,7 +893,7 @@ class JointMotion(Block):
 
     @property
     def acceleration(self) -> Port:
-        """Real [m/s^2]: acceleration of the flange along the path; negative while braking"""
+        """Real [m/s^2]: acceleration of the flange along the path; negative while braking. On lines in joint space, blends and splines without arc length it is the acceleration of the path's clock times the length of the tangent, not the derivative of `speed`"""
         return self['acceleration']
 
     @property
@@ -1033,7 +1033,7 @@ class LinearMotion(Block):
 
     @property
     def acceleration(self) -> Port:
-        """Real [m/s^2]: acceleration of the flange along the path; negative while braking"""
+        """Real [m/s^2]: acceleration of the flange along the path; negative while braking. On lines in joint space, blends and splines without arc length it is the acceleration of the path's clock times the length of the tangent, not the derivative of `speed`"""
         return self['acceleration']
 
     @property
@@ -1234,7 +1234,7 @@ class MotionSequence(Block):
 
     @property
     def acceleration(self) -> Port:
-        """Real [m/s^2]: acceleration of the flange along the path; negative while braking"""
+        """Real [m/s^2]: acceleration of the flange along the path; negative while braking. On lines in joint space, blends and splines without arc length it is the acceleration of the path's clock times the length of the tangent, not the derivative of `speed`"""
         return self['acceleration']
 
     @property
@@ -1914,7 +1914,7 @@ class SplineMotion(Block):
 
     @property
     def acceleration(self) -> Port:
-        """Real [m/s^2]: acceleration of the flange along the path; negative while braking"""
+        """Real [m/s^2]: acceleration of the flange along the path; negative while braking. On lines in joint space, blends and splines without arc length it is the acceleration of the path's clock times the length of the tangent, not the derivative of `speed`"""
         return self['acceleration']
 
     @property

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use rcc_config::yaml::layout::Tree;
 
-use super::{NetBuilder, NodeState};
+use super::{BuildError, NetBuilder, NodeState};
 use crate::value::{AnyValue, Real, Type, Untyped, Value};
 
 /// Source of an input.
@@ -34,9 +34,18 @@ pub struct Out<'n, T> {
 #[derive(Clone, Copy, Debug)]
 enum OutputLocation {
     /// Port of a primitive by index and name, and optionally an element of it.
-    Port(usize, &'static str, Option<usize>),
+    Port(usize, &'static str, Option<ElementIndex>),
     /// Index into the table of names that are not `&'static str`, and optionally an element.
-    Named(usize, Option<usize>),
+    Named(usize, Option<ElementIndex>),
+}
+
+/// An element of an output, counted from 0. Whether the output has it is checked when the net is loaded.
+#[derive(Clone, Copy, Debug)]
+enum ElementIndex {
+    /// Of an array.
+    Array(usize),
+    /// Of a matrix: row and column.
+    Matrix(usize, usize),
 }
 
 /// Source of an input: an output, a delayed link, or a constant.
@@ -136,12 +145,13 @@ impl<'n, T> Out<'n, T> {
             ),
         };
         match element {
-            Some(element) => format!("{name}[{element}]"),
+            Some(ElementIndex::Array(index)) => format!("{name}[{index}]"),
+            Some(ElementIndex::Matrix(row, column)) => format!("{name}[{row},{column}]"),
             None => name,
         }
     }
 
-    fn at<U>(self, element: usize) -> Out<'n, U> {
+    fn at<U>(self, element: ElementIndex) -> Out<'n, U> {
         Out {
             net: self.net,
             at: match self.at {
@@ -171,7 +181,7 @@ impl<'n> Out<'n, crate::Joints> {
     /// Returns one joint, counted from 0.
     #[must_use]
     pub fn joint(self, index: usize) -> Out<'n, Real> {
-        self.at(index)
+        self.at(ElementIndex::Array(index))
     }
 }
 
@@ -179,15 +189,27 @@ impl<'n, const N: usize> Out<'n, crate::Reals<N>> {
     /// Returns one element, counted from 0.
     #[must_use]
     pub fn element(self, index: usize) -> Out<'n, Real> {
-        self.at(index)
+        self.at(ElementIndex::Array(index))
     }
 }
 
 impl<'n, const R: usize, const C: usize> Out<'n, crate::Matrix<R, C>> {
-    /// Returns one element; row and column are counted from 0.
+    /// Returns one element; row and column are counted from 0. With one outside the matrix, [`NetBuilder::build`] fails.
     #[must_use]
     pub fn element(self, row: usize, column: usize) -> Out<'n, Real> {
-        self.at(row * C + column)
+        if row >= R || column >= C {
+            let output = self.name();
+            let mistake = || BuildError::NoElement {
+                output,
+                row,
+                column,
+                rows: R,
+                columns: C,
+            };
+            let earlier = &mut self.net.state.borrow_mut().mistake;
+            earlier.get_or_insert_with(mistake);
+        }
+        self.at(ElementIndex::Matrix(row, column))
     }
 }
 

@@ -37,6 +37,9 @@ impl NetState {
 
     /// Returns `primitives` and `discard` of a net or a fragment.
     pub(crate) fn body(&self) -> Result<Vec<(String, Tree)>, BuildError> {
+        if let Some(mistake) = &self.mistake {
+            return Err(mistake.clone());
+        }
         let mut entries = Vec::new();
         for node in &self.nodes {
             entries.push(TreeEntry::new(node.id.as_str(), self.node_tree(node)?));

@@ -1,5 +1,5 @@
-//! Conversions that a net cannot express: arrays, values from and to the outside, and the axes of robots, which the
-//! predecessor commands one by one and RCC all at once. Runs on the loader's threads.
+//! Conversions that a net cannot express: values from and to the outside, and the axes of robots, which the predecessor
+//! commands one by one and RCC all at once. Arrays are in `arrays`. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::ShortText;
@@ -53,119 +53,6 @@ impl Conversion<'_, '_> {
             Some((_, known)) => *known = value,
             None => values.push((port, value)),
         }
-    }
-
-    /// Returns the first `length` elements of an array of the text.
-    fn elements(&mut self, value: &BuiltValue, length: u32, span: Span) -> Vec<BuiltValue> {
-        let index = |index: u32| {
-            BuiltValue::Constant(Literal::new(LiteralShape::Int(i64::from(index)), span))
-        };
-        (0..length)
-            .map(|it| match value {
-                BuiltValue::Refused => BuiltValue::Refused,
-                value => self.element(value, &index(it), span),
-            })
-            .collect()
-    }
-
-    fn array(&mut self, number: usize, entry: &'static TypeEntry, conversion: SpecialConversion) {
-        let Some(size) = self.count(number, entry, "Size").filter(|size| *size > 0) else {
-            return self.bad_size(number, 0);
-        };
-        if size > u32::from(rcc_core::types::ELEMENTS_MAX) {
-            return self.bad_size(number, size);
-        }
-        let span = self.span(number);
-        if conversion == SpecialConversion::Array {
-            let element = entry.outputs.first().map(|port| port.ty.zero(span));
-            let element = element.map_or(BuiltValue::Refused, BuiltValue::Constant);
-            return self.put(
-                number,
-                "outArray",
-                BuiltValue::List(vec![element; size as usize]),
-            );
-        }
-        let (array, at) = self.argument(number, entry, "inArray");
-        let name = if conversion == SpecialConversion::ArraySlice {
-            "Start"
-        } else {
-            "Index"
-        };
-        let Some(index) = self.count(number, entry, name) else {
-            return;
-        };
-        if conversion != SpecialConversion::ArrayGet {
-            self.array_elements = self.array_elements.saturating_add(size as usize);
-            if self.array_elements > super::ARRAY_ELEMENTS_MAX {
-                self.put(number, "outArray", BuiltValue::Refused);
-                return self.too_many_elements(span);
-            }
-        }
-        match conversion {
-            SpecialConversion::ArrayGet => {
-                let literal = Literal::new(LiteralShape::Int(i64::from(index)), span);
-                let value = self.element(&array, &BuiltValue::Constant(literal), at);
-                self.put(number, "outValue", value);
-            }
-            SpecialConversion::ArraySet => {
-                let (value, _) = self.argument(number, entry, "inValue");
-                let mut elements = self.elements(&array, size, at);
-                match elements.get_mut(index as usize) {
-                    Some(element) => *element = value,
-                    None => {
-                        let message = format!(
-                            "element {index} is out of range: the array has {size} elements"
-                        );
-                        self.error(codes::BAD_ELEMENT, span, message, None);
-                    }
-                }
-                self.put(number, "outArray", BuiltValue::List(elements));
-            }
-            _ => {
-                // Both are u32; an index out of range is reported with the missing element.
-                let end = index.saturating_add(size);
-                let elements = self.elements(&array, end, at).split_off(index as usize);
-                self.put(number, "outArray", BuiltValue::List(elements));
-            }
-        }
-    }
-
-    /// Reports once that the arrays of a net are too large together.
-    fn too_many_elements(&mut self, span: Span) {
-        let most = super::ARRAY_ELEMENTS_MAX;
-        if self.misread.insert(None) {
-            let message = format!("the net's changed arrays have more than {most} elements");
-            self.error(codes::NET_TOO_LARGE, span, message, None);
-        }
-    }
-
-    fn bad_size(&mut self, number: usize, size: u32) {
-        let most = rcc_core::types::ELEMENTS_MAX;
-        let message = format!("an array has 1 to {most} elements, not {size}");
-        self.error(codes::OUT_OF_RANGE, self.span(number), message, None);
-    }
-
-    fn array_is_null(&mut self, number: usize, entry: &'static TypeEntry) {
-        let (value, span) = self.argument(number, entry, "inValue");
-        let made = self.one(number, "IsNull", vec![("in", value, span)]);
-        let value = self.built_output(made, "out");
-        self.put(number, "outValue", value);
-    }
-
-    fn array_set_null(&mut self, number: usize, entry: &'static TypeEntry) {
-        let (value, span) = self.argument(number, entry, "inValue");
-        let (condition, at) = self.argument(number, entry, "inNull");
-        let inputs = vec![("in", value, span), ("condition", condition, at)];
-        let made = self.one(number, "NullIf", inputs);
-        let size = self.count(number, entry, "Size");
-        let value = match self.built_output(made, "out") {
-            BuiltValue::Output(output) => BuiltValue::Output(super::BuiltOutput {
-                length: size,
-                ..output
-            }),
-            value => value,
-        };
-        self.put(number, "outValue", value);
     }
 
     pub(super) fn one(

@@ -65,7 +65,8 @@ pub fn initial_values_are_within_bounds(net: Typed<'_>, diagnostics: &mut Vec<Di
             let Some(bound) = item.given(name) else {
                 continue;
             };
-            let pairs = initial.numbers().into_iter().zip(bound.numbers());
+            let pairs = initial.elements_or_null().zip(bound.elements_or_null());
+            let pairs = pairs.filter_map(|(value, bound)| Some((value?, bound?)));
             let mut outside = pairs.filter(|(value, bound)| match least {
                 true => value < bound,
                 false => value > bound,

@@ -5,7 +5,7 @@ use rcc_config::diagnostic::Diagnostic;
 use rcc_config::yaml::Key;
 
 use super::body::{Body, ReferenceTarget};
-use super::{DEPTH_MAX, Expander, Scope};
+use super::{DEPTH_MAX, Expander, Scope, elements, source_weight};
 use crate::codes;
 use crate::source_map::SpanShift;
 use crate::syntax::fragment::FragmentInput;
@@ -83,7 +83,14 @@ impl<'a> Expander<'a, '_> {
 
     /// Resolves a link from an input of a fragment, given the source `outside` that the instance connects to that
     /// input.
+    ///
+    /// A list is copied wherever the fragment reads it, so its elements count towards the size of the expanded net. A
+    /// single link or number is in the weight of the primitive that reads it.
     fn through(&mut self, outside: &Source, inside: Link, scope: &Scope<'_>) -> Source {
+        let copied = copied_elements(outside, &inside);
+        if copied > 0 && !self.add(copied, inside.span) {
+            return Source::Refused;
+        }
         match outside {
             Source::Formula(_) | Source::Refused => Source::Refused,
             Source::Literal(literal) if inside.delayed => {
@@ -224,5 +231,23 @@ impl<'a> Expander<'a, '_> {
             at = &output.from;
         }
         None
+    }
+}
+
+/// Returns the size of the list that a link to an input copies: the source of the input as a whole, or a row of a constant
+/// matrix; 0 for a single link or number.
+fn copied_elements(outside: &Source, inside: &Link) -> usize {
+    match (outside, inside.from.part) {
+        (Source::List(_) | Source::Outcomes(_), None) => source_weight(outside),
+        (Source::Literal(literal), part) => match (&literal.shape, part) {
+            (LiteralShape::List(_), None) => elements(literal),
+            (LiteralShape::List(rows), Some(ValuePart::Element(row))) => {
+                let row = rows.get(row as usize);
+                let row = row.filter(|row| matches!(row.shape, LiteralShape::List(_)));
+                row.map_or(0, elements)
+            }
+            _ => 0,
+        },
+        _ => 0,
     }
 }

@@ -11,7 +11,7 @@ use super::parser::parse;
 use super::places::{Place, PortWords};
 use super::terms::{NamedInputs, Scope, Terms, link_to};
 use super::values::{OperationOutput, Operations, Value, marked};
-use super::{EXPRESSION, FORMULA, emit, is_formula};
+use super::{EXPRESSION, FORMULA, ListCount, emit, is_formula};
 use crate::codes;
 use crate::parse::reference;
 use crate::source_map::SourceMap;
@@ -55,8 +55,14 @@ impl<'a> BodyLowering<'a> {
         }
     }
 
-    /// Replaces all expressions.
-    pub fn run(mut self, primitives: &mut Vec<Primitive>, words: &mut PortWords) {
+    /// Replaces all expressions. `lists` counts the list elements of all nets and fragments of a text.
+    pub fn run(
+        mut self,
+        primitives: &mut Vec<Primitive>,
+        words: &mut PortWords,
+        lists: &mut ListCount,
+    ) {
+        self.terms.lists = *lists;
         let ids = primitives
             .iter()
             .map(|primitive| primitive.id.name.to_string());
@@ -75,6 +81,7 @@ impl<'a> BodyLowering<'a> {
             }
             self.add_refused(&primitive.id, read);
         }
+        *lists = self.terms.lists;
         let operations = self.terms.operations.all;
         emit::insert(operations, &self.whole, self.refused, primitives, words);
     }
@@ -134,8 +141,12 @@ impl<'a> BodyLowering<'a> {
         if let Err(error) = evaluated {
             let code = error.problem.code();
             let at = scope.place.at(&error.place);
-            let diagnostic = Diagnostic::error(code, at, error.problem.to_string());
-            self.diagnostics.push(diagnostic.help_if(error.help));
+            let is_limit = error.problem == Problem::ListElements;
+            // The limit is that of the whole net: one error for all expressions.
+            if !(is_limit && std::mem::replace(&mut self.terms.lists.is_reported, is_limit)) {
+                let diagnostic = Diagnostic::error(code, at, error.problem.to_string());
+                self.diagnostics.push(diagnostic.help_if(error.help));
+            }
             read.extend(self.named_outputs(text, from, scope.inputs, span));
             return (Value::Refused, span);
         }

@@ -105,6 +105,12 @@ pub enum Problem {
         super::DEPTH_MAX
     )]
     TooDeep,
+    /// More than [`super::LIST_ELEMENTS_MAX`] elements in the lists of all expressions of a net.
+    #[error(
+        "the lists in the formulas of a net have more than {} elements together",
+        super::LIST_ELEMENTS_MAX
+    )]
+    ListElements,
 }
 
 impl Problem {
@@ -127,6 +133,7 @@ impl Problem {
             Problem::Input { .. } => codes::UNKNOWN_INPUT,
             Problem::Function { .. } => codes::UNKNOWN_FUNCTION,
             Problem::Part { .. } => codes::BAD_ELEMENT,
+            Problem::ListElements => codes::NET_TOO_LARGE,
             _ => codes::BAD_FORMULA,
         }
     }

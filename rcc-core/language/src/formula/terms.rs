@@ -14,6 +14,7 @@ use super::lexer::KEYWORDS;
 use super::parser::{Application, Expression, Term, TermKind};
 use super::places::Place;
 use super::values::{Operation, OperationOutput, Operations, Value};
+use super::{LIST_ELEMENTS_MAX, ListCount};
 use crate::parse::reference;
 use crate::syntax::Link;
 use crate::syntax::literal::{Literal, LiteralShape};
@@ -46,6 +47,8 @@ pub struct Terms {
     pub ids: HashSet<String>,
     /// Operations so far.
     pub operations: Operations,
+    /// List elements so far.
+    pub(super) lists: ListCount,
 }
 
 type Evaluated = Result<Value, ExpressionError>;
@@ -60,6 +63,7 @@ impl Terms {
         for term in &expression.terms {
             let span = scope.place.at(&term.place);
             let value = self.term(term, span, scope)?;
+            self.count_list(&value, term)?;
             scope.values.push((value, span));
         }
         let last = expression.terms.last();
@@ -67,6 +71,17 @@ impl Terms {
             (Some((value, _)), Some(term)) => needs_output(value, term, &self.operations),
             _ => Ok(()),
         }
+    }
+
+    /// Counts the elements of a term that is a list.
+    fn count_list(&mut self, value: &Value, term: &Term) -> Result<(), ExpressionError> {
+        let elements = &mut self.lists.elements;
+        *elements = elements.saturating_add(list_elements(value));
+        if *elements <= LIST_ELEMENTS_MAX {
+            return Ok(());
+        }
+        let error = Problem::ListElements.at(term.place.clone());
+        Err(error.help("name the list once: give it to a `Copy`, and read the output of that"))
     }
 
     fn term(&mut self, term: &Term, span: Span, scope: &mut Scope<'_>) -> Evaluated {
@@ -320,6 +335,26 @@ fn list(elements: Vec<(Value, Span)>, span: Span) -> Value {
     match literals.collect::<Option<Vec<Literal>>>() {
         Some(literals) if !literals.is_empty() => constant(LiteralShape::List(literals), span),
         _ => Value::List(elements),
+    }
+}
+
+/// Returns the number of elements of a list, those of nested lists included; 0 for a single value.
+fn list_elements(value: &Value) -> usize {
+    fn of_constant(literal: &Literal) -> usize {
+        match &literal.shape {
+            LiteralShape::List(elements) => elements.iter().map(|it| 1 + of_constant(it)).sum(),
+            _ => 0,
+        }
+    }
+    match value {
+        Value::Constant(literal) => of_constant(literal),
+        Value::List(elements) => {
+            let elements = elements.iter();
+            elements
+                .map(|(element, _)| 1 + list_elements(element))
+                .sum()
+        }
+        Value::Link(_) | Value::Operation(_) | Value::Refused => 0,
     }
 }
 

@@ -7,7 +7,8 @@ use std::fmt::Write as _;
 
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Key;
-use rcc_core::primitive::Spec;
+use rcc_core::primitive::{PortType, Spec};
+use rcc_core::types::Type;
 
 use super::fold::fold;
 use super::functions::spec;
@@ -71,20 +72,17 @@ pub struct Operation {
 pub struct Operations {
     /// The operations, each after its operands.
     pub all: Vec<Operation>,
+    /// Whether the place of use determines type and unit of an operation; one for each of `all`.
+    is_open: Vec<bool>,
     by_key: HashMap<String, usize>,
 }
 
 impl Operations {
     /// Returns the value of an operation: a constant if all operands are, the value of the same operation elsewhere, or
-    /// that of a new one.
+    /// that of a new one. An operation whose type and unit follow from its place of use is new at each place.
     pub fn value(&mut self, operation: Operation) -> Value {
         if let Some(folded) = folded(&operation) {
             return Value::Constant(folded);
-        }
-        let mut key = operation.spec.map_or("*", |spec| spec.name).to_owned();
-        for (value, _) in &operation.inputs {
-            key.push('(');
-            write_key(value, &mut key);
         }
         let outputs = operation.spec.map_or(1, |spec| spec.outputs.len());
         let port = match operation.spec {
@@ -93,9 +91,15 @@ impl Operations {
             None => Some("out"),
         };
         let next = self.all.len();
-        let number = *self.by_key.entry(key).or_insert(next);
+        let is_open = self.is_open(&operation);
+        let number = match is_open {
+            // `if a then 0 else 1` is a speed at one place and a time at another.
+            true => next,
+            false => *self.by_key.entry(key_of(&operation)).or_insert(next),
+        };
         if number == next {
             self.all.push(operation);
+            self.is_open.push(is_open);
         }
         Value::Operation(OperationOutput {
             number,
@@ -104,6 +108,28 @@ impl Operations {
             delayed: false,
             initial: None,
         })
+    }
+
+    /// Returns true if all operands that are not truth values leave type and unit open.
+    fn is_open(&self, operation: &Operation) -> bool {
+        let is_truth = |index: usize| {
+            let port = operation.spec.and_then(|spec| spec.inputs.get(index));
+            port.is_some_and(|port| port.ty == PortType::Is(Type::Bool))
+        };
+        let operands = operation.inputs.iter().enumerate();
+        let mut operands = operands.filter(|(index, _)| !is_truth(*index)).peekable();
+        operands.peek().is_some() && operands.all(|(_, (value, _))| self.is_value_open(value))
+    }
+
+    /// Returns true for null, a number without a unit, a list of such values, and an operation on them alone. A
+    /// parameter of the fragment may be one.
+    fn is_value_open(&self, value: &Value) -> bool {
+        match value {
+            Value::Constant(literal) => is_constant_open(literal),
+            Value::Operation(output) => self.is_open.get(output.number).copied().unwrap_or(false),
+            Value::List(elements) => elements.iter().all(|(value, _)| self.is_value_open(value)),
+            Value::Link(_) | Value::Refused => false,
+        }
     }
 
     /// Returns the source of an input with this value.
@@ -185,6 +211,27 @@ fn folded(operation: &Operation) -> Option<Literal> {
     let spec = operation.spec.unwrap_or_else(|| spec("Multiply"));
     let shape = fold(spec, &constants)?;
     Some(Literal::new(shape, operation.span))
+}
+
+fn is_constant_open(literal: &Literal) -> bool {
+    match &literal.shape {
+        LiteralShape::Null
+        | LiteralShape::Int(_)
+        | LiteralShape::Real(_, None)
+        | LiteralShape::Parameterised(_) => true,
+        LiteralShape::List(elements) => elements.iter().all(is_constant_open),
+        _ => false,
+    }
+}
+
+/// Returns a text that is the same for equal operations only.
+fn key_of(operation: &Operation) -> String {
+    let mut key = operation.spec.map_or("*", |spec| spec.name).to_owned();
+    for (value, _) in &operation.inputs {
+        key.push('(');
+        write_key(value, &mut key);
+    }
+    key
 }
 
 /// Writes a text that is the same for equal values only.

@@ -180,7 +180,17 @@ impl Literal {
         }
     }
 
-    /// Returns all numbers in the constant, in order.
+    /// Returns the elements of a list, or the constant alone, as numbers; `None` for null and for anything that is not a
+    /// number, so that the index is that of the element.
+    pub fn elements_or_null(&self) -> impl Iterator<Item = Option<f64>> {
+        let elements = match &self.shape {
+            LiteralShape::List(elements) => elements.as_slice(),
+            _ => std::slice::from_ref(self),
+        };
+        elements.iter().map(Literal::number)
+    }
+
+    /// Returns all numbers in the constant, in order; nulls are left out.
     #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
         match &self.shape {

@@ -162,9 +162,9 @@ fn bounded(parameter: &Parameter, random: &mut TestRandom) -> f64 {
     }
 }
 
-/// Returns parameters of a motion whose path cannot be random: few paths can be followed from where the tests hold the
-/// arm.
-fn path(name: &str) -> Option<&'static str> {
+/// Returns parameters that cannot be random: few paths can be followed from where the tests hold the arm, and the rows of
+/// a state machine are states and indices.
+fn fixed(name: &str) -> Option<&'static str> {
     Some(match name {
         "JointMotion" => "{device: lwr, to: [0.4, 0.6, -0.1, -1.5, 0.2, 0.9, 0.3]}",
         "LinearMotion" => {
@@ -179,6 +179,7 @@ fn path(name: &str) -> Option<&'static str> {
         "MotionSequence" => {
             "{device: lwr, path: [{lin: {xyz: [0.05, 0, 0], rpy: [0, 0, 0]}, relative: base, blend: 20 mm}, {ptp: {joints: [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4]}}]}"
         }
+        "StateMachine" => "{transitions: [[0, 1, 0], [1, 0, 0]]}",
         _ => return None,
     })
 }
@@ -186,8 +187,8 @@ fn path(name: &str) -> Option<&'static str> {
 /// Returns the parameters of a primitive in the golden cell (`tests/nets/cell.yaml`), in the notation of nets. Returns
 /// `None` if they cannot be generated, so that the spec's first example must provide them.
 pub fn parameters(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
-    if let Some(path) = path(spec.name) {
-        return Some(path.to_owned());
+    if let Some(fixed) = fixed(spec.name) {
+        return Some(fixed.to_owned());
     }
     let example = spec.examples.first().map(|example| example.parameters);
     let mut words = Vec::new();

@@ -74,6 +74,29 @@ fn common_parts_stand_once_and_constants_are_folded() {
 }
 
 #[test]
+fn equal_texts_take_the_unit_of_each_place() {
+    let text = net("  button: {type: DigitalInput, parameters: {device: io, channel: button}}
+  belt: {type: AnalogOutput, parameters: {device: io, channel: belt_speed}, inputs: {in: '= if button.out then 0 else 1'}}
+  late: {type: OnDelay, inputs: {in: button.out, time: '= if button.out then 0 else 1'}}
+  lamp: {type: DigitalOutput, parameters: {device: io, channel: lamp}, inputs: {in: late.out}}
+  sum: {type: Monitor, inputs: {value: '= (if button.out then 0 else 1) * 1 m + (if button.out then 0 else 2 * 1) * 1 m'}}\n");
+    let found = types(&compiled(&text));
+    let selects = found.iter().filter(|row| row.ends_with(" Select"));
+    assert_eq!(selects.count(), 4, "{found:?}");
+    // Operands with a unit, or that are outputs, leave nothing open: the part stands once.
+    let text = net(
+        "  button: {type: DigitalInput, parameters: {device: io, channel: button}}
+  m: {type: Monitor, inputs: {value: '= if button.out then 0 m else 1 m'}}
+  n: {type: Monitor, inputs: {value: '= 2 * (if button.out then 0 m else 1 m)'}}
+  o: {type: Monitor, inputs: {value: '= not button.out'}}
+  p: {type: Monitor, inputs: {value: '= not button.out'}}\n",
+    );
+    let found = types(&compiled(&text));
+    let count = |ty: &str| found.iter().filter(|row| row.ends_with(ty)).count();
+    assert_eq!((count(" Select"), count(" Not")), (1, 1), "{found:?}");
+}
+
+#[test]
 fn a_product_with_a_vector_is_scale_also_in_a_fragment() {
     let text = "net: f
 fragments:
@@ -225,6 +248,28 @@ fn hostile_texts_are_refused_without_overflow() {
     compiled(&net(&format!(
         "  x: {{type: Time}}\n  m: {{type: Monitor, inputs: {{value: '= {chain}'}}}}\n"
     )));
+}
+
+#[test]
+fn a_list_named_many_times_is_refused_before_it_fills_the_memory() {
+    let list = vec!["x.out"; 1024].join(", ");
+    // 1500 copies of 1024 links, in one expression of 3000 characters and in two.
+    let expressions = |names: usize, of: usize| {
+        let expression = vec!["l"; names].join("+");
+        let rows = (0..of).map(|number| {
+            format!("  f{number}: {{type: Formula, parameters: {{expr: '{expression}'}}, inputs: {{l: [{list}]}}}}\n")
+        });
+        net(&format!(
+            "  x: {{type: Time}}\n{}",
+            rows.collect::<String>()
+        ))
+    };
+    for (names, of) in [(1500, 1), (750, 2), (750, 4)] {
+        let faults = compile(&expressions(names, of), "f.yaml", golden()).unwrap_err();
+        let found = faults.diagnostics.iter();
+        let found = found.filter(|fault| fault.code == codes::NET_TOO_LARGE);
+        assert_eq!(found.count(), 1, "{names} names in each of {of}\n{faults}");
+    }
 }
 
 proptest! {

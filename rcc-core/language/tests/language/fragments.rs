@@ -354,6 +354,29 @@ fn a_short_text_cannot_expand_to_a_million_primitives() {
 }
 
 #[test]
+fn a_list_that_a_fragment_reads_many_times_is_refused_before_it_fills_the_memory() {
+    let list = vec!["time.out"; 1024].join(", ");
+    // 1100 copies of 1024 links.
+    let rows = |source: &str| {
+        let rows = (0..1100).map(|n| format!("c{n}: {{type: Copy, inputs: {{in: {source}}}}}"));
+        rows.collect::<Vec<String>>().join(", ")
+    };
+    let discard = (0..1100).map(|n| format!("c{n}.out"));
+    let discard = discard.collect::<Vec<String>>().join(", ");
+    let net = |given: &str, source: &str| {
+        format!(
+            "net: lists\nfragments:\n  f: {{inputs: {{x: {{}}}}, primitives: {{{}}}, discard: [{discard}]}}\nprimitives:\n  time: {{type: Time}}\n  a: {{fragment: f, inputs: {{x: {given}}}}}\n{END}",
+            rows(source)
+        )
+    };
+    let faults = bad(&net(&format!("[{list}]"), "x"), &[]);
+    assert_eq!(faults.len(), 1, "{faults:?}");
+    assert!(faults[0].starts_with("RCC1505"), "{faults:?}");
+    // An element of the list is one link.
+    good(&net(&format!("[{list}]"), "'x[7]'"));
+}
+
+#[test]
 fn the_nesting_of_instances_is_limited() {
     let mut text = "net: deep\nfragments:\n".to_owned();
     for depth in 0..50 {

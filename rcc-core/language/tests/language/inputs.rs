@@ -3,6 +3,7 @@
 #[allow(dead_code)] // Only its cell is used.
 use crate::harness::cell;
 use rcc_core::types::{NULL_INT, Store};
+use rcc_language::names::Names;
 use rcc_language::{Compiled, compile, input_values};
 
 fn net(input: &str, rest: &str) -> Compiled {
@@ -96,4 +97,47 @@ fn inputs_with_equal_initial_values_share_no_slot() {
         panic!("{:?}", plan.inputs)
     };
     assert!(x.slot != z.slot && x.since != z.since && x.age != z.age);
+}
+
+#[test]
+fn names_with_bounds_of_some_elements_are_read_back_from_json() {
+    let sink = "  y: {type: Monitor, inputs: {value: x.value}}\n";
+    for ty in ["Real[2]", "Int[2]"] {
+        let parameters = format!(", parameters: {{type: '{ty}', at_most: [1, null]}}");
+        let names = net(&parameters, sink).names;
+        let text = serde_json::to_string(&names).unwrap();
+        assert!(text.contains(r#""at_most":[1.0,null]"#), "{text}");
+        let read: Names = serde_json::from_str(&text).unwrap();
+        assert_eq!(serde_json::to_string(&read).unwrap(), text);
+        let [one, none] = read.inputs[0].at_most[..] else {
+            panic!("{text}");
+        };
+        assert_eq!((one, none.is_nan()), (1.0, true), "{ty}");
+        for (value, is_accepted) in [("[1, 100]", true), ("[2, 0]", false)] {
+            let set = input_values::read(&format!("x: {value}"), "v", &read);
+            assert_eq!(set.is_ok(), is_accepted, "{ty} {value}");
+        }
+    }
+}
+
+#[test]
+fn bounds_apply_to_the_elements_at_their_places() {
+    let sink = "  y: {type: Monitor, inputs: {value: x.value}}\n";
+    for (bound, value, is_accepted) in [
+        ("at_most: [5, 10]", "[null, 7]", true),
+        ("at_most: [10, 5]", "[null, 7]", false),
+        ("at_most: [null, 5]", "[1, 9]", false),
+        ("at_most: [null, 5]", "[7, 3]", true),
+        ("at_least: [null, 5]", "[1, 9]", true),
+        ("at_least: [null, 5]", "[7, 3]", false),
+    ] {
+        let free = net(&format!(", parameters: {{type: 'Real[2]', {bound}}}"), sink);
+        let set = input_values::read(&format!("x: {value}"), "v", &free.names);
+        assert_eq!(set.is_ok(), is_accepted, "{bound}, set {value}");
+        let text = format!(
+            "net: n\nprimitives:\n  x: {{type: Input, parameters: {{type: 'Real[2]', {bound}, initial: {value}}}}}\n  end: {{type: Termination, inputs: {{done: false}}}}\n{sink}"
+        );
+        let compiled = compile(&text, "n", &cell("configs/cells/demo.yaml"));
+        assert_eq!(compiled.is_ok(), is_accepted, "{bound}, initial {value}");
+    }
 }

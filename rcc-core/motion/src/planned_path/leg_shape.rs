@@ -27,6 +27,9 @@ const RADIUS_M: f64 = 0.25;
 /// A blend that is smaller by at most this fraction counts as having the requested size.
 const ENOUGH: f64 = 1e-6;
 
+/// A speed of the flange along s that differs from 1 by at most this is 1.
+const ROUNDING: f64 = 1e-9;
+
 /// A leg as a shape.
 #[derive(Debug, Clone)]
 pub(super) struct LegShape {
@@ -108,8 +111,7 @@ pub(super) struct BlendZone {
 fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -> BlendZone {
     let length = shape.length();
     let Shape::Joints(line) = shape else {
-        let way = zone_m.min(length / 2.0);
-        return BlendZone { way, metres: way };
+        return zone_of_flange(shape, zone_m);
     };
     let flange = |way: f64| arm.forward(&line.at(place(way, length)));
     let corner = flange(0.0);
@@ -134,6 +136,31 @@ fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -
     BlendZone {
         way: to,
         metres: corner.distance_to(&flange(to)),
+    }
+}
+
+/// The zone of a shape of the flange. Where rotation or arm angle define s, one unit of s is less than a metre of the
+/// flange. A turn on the spot has no metres: its zone is `zone_m` of s, and counts as 0 m.
+fn zone_of_flange(shape: &Shape, zone_m: f64) -> BlendZone {
+    let half = shape.length() / 2.0;
+    match shape.constant_speed() {
+        // Rounding of an s that is arc length must not change a path.
+        Some(speed) if (speed - 1.0).abs() > ROUNDING && speed > LENGTH_MIN => {
+            let way = (zone_m / speed).min(half);
+            BlendZone {
+                way,
+                metres: way * speed,
+            }
+        }
+        Some(speed) if speed <= LENGTH_MIN => BlendZone {
+            way: zone_m.min(half),
+            metres: 0.0,
+        },
+        // A spline by chords: s is about a metre where it does not turn on the spot.
+        _ => {
+            let way = zone_m.min(half);
+            BlendZone { way, metres: way }
+        }
     }
 }
 
@@ -269,7 +296,7 @@ impl LegShapeBuilder<'_> {
             .leg_shapes
             .last()
             .map_or(0.0, |leg_shape| leg_shape.zone_m);
-        let [before, behind] = [before, leg.blend].map(|zone| zone.min(length / 2.0));
+        let [before, behind] = [before, leg.blend].map(|zone| zone_of_flange(&shape, zone).way);
         Ok((shape, constant.turning(turn, [before, length - behind])?))
     }
 

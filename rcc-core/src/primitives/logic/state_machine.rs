@@ -106,10 +106,10 @@ impl Step for StateMachine {
         let mut moved = begins;
         for row in 0..self.rows {
             let [from, to, condition] = frame.get(self.transitions + row * 3)?;
-            // Saturates; an invalid condition index matches no condition.
-            let condition = condition as u32;
-            let fits = from == before as f64 && condition < self.conditions;
-            if fits && frame.get(self.on + condition)? == 1 {
+            // An index outside `on` and null match no condition; the loader refuses both.
+            let exists = (0.0..f64::from(self.conditions)).contains(&condition);
+            let fits = from == before as f64 && exists;
+            if fits && frame.get(self.on + condition as u32)? == 1 {
                 after = to as i64;
                 moved = true;
                 break;
@@ -125,5 +125,29 @@ impl Step for StateMachine {
         frame.put(self.state, after)?;
         frame.put(self.entered, u8::from(moved))?;
         frame.put(self.time, elapsed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::PrimitiveHarness;
+
+    #[test]
+    fn a_row_whose_condition_does_not_exist_never_matches() {
+        for (condition, state) in [
+            (-1.0, 0),
+            (f64::NAN, 0),
+            (1.0, 0),
+            (f64::INFINITY, 0),
+            (0.0, 1),
+        ] {
+            let mut bench = PrimitiveHarness::new("StateMachine");
+            bench.set_int("initial", 0);
+            bench
+                .set_bool("on", Some(true))
+                .set_bool("reset", Some(false));
+            bench.set_reals("transitions", &[0.0, 1.0, condition]);
+            assert_eq!(bench.step().int("state"), state, "{condition}");
+        }
     }
 }

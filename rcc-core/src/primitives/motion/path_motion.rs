@@ -74,7 +74,7 @@ pub(super) const OUTPUTS: [Port; 8] = [
     Port::real(
         "acceleration",
         UnitRule::Is(Unit::METRE_PER_SECOND2),
-        "acceleration of the flange along the path; negative while braking",
+        "acceleration of the flange along the path; negative while braking. On lines in joint space, blends and splines without arc length it is the acceleration of the path's clock times the length of the tangent, not the derivative of `speed`",
     )
     .diagnostic(),
     Port::int(

@@ -124,6 +124,41 @@ fn a_blend_that_is_smaller_than_requested_is_reported() {
 }
 
 #[test]
+fn a_blend_is_metres_of_the_flange_where_rotation_defines_the_length() {
+    let from = start();
+    let at = |x, y, yaw| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0, 0.0, yaw]));
+    let line = |to, blend| Leg {
+        blend,
+        ..Leg::new(PathSegment::Line { to })
+    };
+    // 100 mm and a quarter turn: 0.39 m of s.
+    let quarter = core::f64::consts::FRAC_PI_2;
+    let (corner, end) = (at(0.1, 0.0, quarter), at(0.1, 0.1, quarter));
+    let set = motion(&[line(corner, 0.02), line(end, 0.0)]).unwrap();
+    assert_eq!(set.shortened().count(), 0);
+    let done = run(set, free);
+    done.judge(1.0);
+    let mut places = done.states.iter().map(|state| {
+        let place = from.inverse().compose(&state.pose);
+        place.position
+    });
+    let [x, ..] = places.find(|place| place[1].abs() > 1e-9).unwrap();
+    assert!((0.08..0.083).contains(&x), "20 mm before the corner: {x}");
+    // At most half of the leg, in metres.
+    let made_m = |legs: &[Leg<'_>]| -> Vec<f64> {
+        let motion = motion(legs).unwrap();
+        motion.shortened().map(|(_, blend)| blend.made_m).collect()
+    };
+    let [half] = made_m(&[line(corner, 0.06), line(end, 0.0)])[..] else {
+        panic!("one");
+    };
+    assert!((half - 0.05).abs() < 1e-9, "{half}");
+    // A turn on the spot has no metres.
+    let (turned, ahead) = (at(0.0, 0.0, 0.5), at(0.1, 0.0, 0.5));
+    assert_eq!(made_m(&[line(turned, 0.02), line(ahead, 0.0)]), [0.0]);
+}
+
+#[test]
 fn relative_goals_begin_where_the_leg_before_ended() {
     let relative = |relative, x, z| Leg {
         relative: Some(relative),
