@@ -1,13 +1,14 @@
-//! Counts SIGINT, SIGTERM and SIGHUP, so that loops can check for them. One thread waits for the signals; any thread
-//! may read the count.
+//! Counts SIGINT, SIGTERM and, unless it is ignored, SIGHUP, so that loops can check for them. One thread waits for the
+//! signals; any thread may read the count.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 
+use nix::sys::signal::Signal;
 use rcc_api::codes;
 use tokio::runtime::Builder;
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{Signal as SignalStream, SignalKind, signal};
 
 use crate::failure::Failure;
 
@@ -19,7 +20,7 @@ pub struct Interrupts {
 }
 
 impl Interrupts {
-    /// Counts SIGINT, SIGTERM and SIGHUP from now on; they no longer end the program.
+    /// Counts SIGINT, SIGTERM and SIGHUP from now on; they no longer end the program. SIGHUP stays ignored under `nohup`.
     ///
     /// # Errors
     /// Fails if the system provides no thread or no signal handling.
@@ -39,18 +40,17 @@ impl Interrupts {
         let counted = Arc::clone(&count);
         let registered = {
             let _inside = runtime.enter();
-            let kinds = [
-                SignalKind::interrupt(),
-                SignalKind::terminate(),
-                SignalKind::hangup(),
-            ];
-            kinds.map(signal)
+            let hangup = (!ignores_hangup()).then(|| signal(SignalKind::hangup()));
+            (
+                signal(SignalKind::interrupt()),
+                signal(SignalKind::terminate()),
+                hangup.transpose(),
+            )
         };
-        let [interrupt, terminate, hangup] = registered;
         let (mut interrupt, mut terminate, mut hangup) = (
-            interrupt.map_err(failed)?,
-            terminate.map_err(failed)?,
-            hangup.map_err(failed)?,
+            registered.0.map_err(failed)?,
+            registered.1.map_err(failed)?,
+            registered.2.map_err(failed)?,
         );
         let wait = move || {
             runtime.block_on(async move {
@@ -58,7 +58,7 @@ impl Interrupts {
                     tokio::select! {
                         _ = interrupt.recv() => {}
                         _ = terminate.recv() => {}
-                        _ = hangup.recv() => {}
+                        () = received(&mut hangup) => {}
                     }
                     counted.fetch_add(1, Ordering::Relaxed);
                 }
@@ -81,5 +81,81 @@ impl Interrupts {
     #[must_use]
     pub fn asked(&self) -> bool {
         self.count() > 0
+    }
+}
+
+/// Waits for a signal; for ever without a stream of it.
+async fn received(stream: &mut Option<SignalStream>) {
+    match stream {
+        Some(stream) => {
+            stream.recv().await;
+        }
+        None => std::future::pending().await,
+    }
+}
+
+/// Returns true if this process ignores SIGHUP since its start, as under `nohup`; then the end of a terminal must not end
+/// it.
+fn ignores_hangup() -> bool {
+    std::fs::read_to_string("/proc/self/status")
+        .is_ok_and(|status| ignores(&status, Signal::SIGHUP))
+}
+
+/// Returns true if the signal is ignored, by the `SigIgn` of proc_pid_status(5): a mask in hexadecimal digits, with signal
+/// 1 in its lowest bit.
+fn ignores(status: &str, signal: Signal) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal as u32 - 1) & 1 != 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+    use std::time::Duration;
+
+    use nix::sys::signal::kill;
+    use nix::unistd::Pid;
+
+    use super::*;
+
+    /// Tells the process that the test starts that it is that one.
+    const UNDER_NOHUP: &str = "RCC_TEST_UNDER_NOHUP";
+
+    #[test]
+    fn the_ignored_signals_are_a_mask() {
+        let status = "Name:\trcc-cli\nSigBlk:\t0000000000000001\nSigIgn:\t0000000000001001\n";
+        assert!(ignores(status, Signal::SIGHUP) && ignores(status, Signal::SIGPIPE));
+        assert!(!ignores(status, Signal::SIGTERM) && !ignores("", Signal::SIGHUP));
+    }
+
+    #[test]
+    fn a_program_under_nohup_outlives_its_terminal() {
+        if std::env::var_os(UNDER_NOHUP).is_some() {
+            return survive();
+        }
+        let status = Command::new("sh")
+            .args(["-c", r#"trap "" HUP; exec "$0" "$@""#])
+            .arg(std::env::current_exe().expect("this test"))
+            .args([
+                "--exact",
+                "interrupt::tests::a_program_under_nohup_outlives_its_terminal",
+            ])
+            .env(UNDER_NOHUP, "1")
+            .status();
+        assert!(status.expect("a shell").success());
+    }
+
+    fn survive() {
+        let interrupts = Interrupts::listen().expect("a thread");
+        for signal in [Signal::SIGHUP, Signal::SIGTERM] {
+            kill(Pid::this(), signal).expect("sent");
+        }
+        while !interrupts.asked() {
+            thread::sleep(Duration::from_millis(1));
+        }
+        // The other one would be counted at the same time.
+        thread::sleep(Duration::from_millis(100));
+        assert_eq!(interrupts.count(), 1);
     }
 }

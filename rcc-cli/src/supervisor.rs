@@ -9,6 +9,7 @@ pub mod paths;
 pub mod policy;
 pub mod processes;
 pub mod running;
+mod start_error;
 mod stop;
 
 use std::os::unix::fs::DirBuilderExt;
@@ -29,7 +30,7 @@ use crate::context::cell_failure;
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use child::{Child, ProcessState};
-use policy::RestartDecision;
+use policy::{Remedy, RestartDecision};
 use processes::{PreparedCell, ProcessKind};
 
 /// Interval between two polls of the processes.
@@ -256,7 +257,7 @@ impl Supervisor {
                 Some(_) => format!("killed because it hung ({})", child::describe(status)),
                 None => child::describe(status),
             };
-            self.handle_death(index, now, &how, child::remedy(status));
+            self.handle_death(index, now, &how, child::remedy(status).map(Remedy::Final));
             return;
         }
         if let Some(silence) = child.check_watchdog(START_TIMEOUT, patience) {
@@ -279,8 +280,7 @@ impl Supervisor {
         match std::mem::replace(&mut child.state, ProcessState::Failed) {
             ProcessState::Down(at) if at <= now => {
                 if let Err(error) = child.start() {
-                    let remedy = "grant the permission, or reinstall all programs";
-                    self.handle_death(index, now, &error.to_string(), Some(remedy));
+                    self.handle_death(index, now, &error.to_string(), Some(error.remedy()));
                 }
             }
             ProcessState::Starting(process) => {
@@ -304,22 +304,14 @@ impl Supervisor {
     }
 
     /// Handles the death of a process: logs its last lines, runs the janitor, and restarts it or gives up.
-    fn handle_death(&mut self, index: usize, now: Duration, how: &str, remedy: Option<&str>) {
+    fn handle_death(&mut self, index: usize, now: Duration, how: &str, remedy: Option<Remedy>) {
         let Some(child) = self.children.get_mut(index) else {
             return;
         };
         let (name, last_words) = (child.spec.name.clone(), child.last_log_lines());
         let pid = child.pid().unwrap_or(0);
         let is_executor = child.spec.kind == ProcessKind::Executor;
-        let verdict = if remedy.is_some() {
-            RestartDecision::Failed
-        } else {
-            child.restarts.record_death(now)
-        };
-        child.state = match verdict {
-            RestartDecision::Restart { at, .. } => ProcessState::Down(at),
-            RestartDecision::Failed => ProcessState::Failed,
-        };
+        let verdict = child.after_death(now, remedy.is_some_and(Remedy::is_final));
         self.report(&name, &format!("died: {how}"));
         // Earlier activity is in the log; only an error or panic explains the death.
         let usual = |line: &&String| line.contains(" INFO ") || line.contains(" WARN ");
@@ -347,7 +339,7 @@ impl Supervisor {
             }
             RestartDecision::Failed => {
                 let cause = said.unwrap_or_else(|| how.to_owned());
-                self.fail(name, is_executor, (how, &cause), remedy);
+                self.fail(name, is_executor, (how, &cause), remedy.map(Remedy::words));
             }
         }
     }

@@ -21,13 +21,16 @@ use rcc_engine::record::{FlightRecorderHelper, FrozenRecording, TriggerReason};
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventRecorder;
 use rcc_os::clock::monotonic_ns;
-use rcc_os::process_instance::ProcessInstance;
 use rcc_process::Helper;
 use rcc_protocol::control::RecordingState;
 use rcc_protocol::events::{EventKind, event_text, hex_digits, wall_time_before};
 use tracing::{info, warn};
 
 use crate::rule_texts::RuleTexts;
+
+mod folder;
+
+use folder::{PARTIAL_EXTENSION, make_room, remove_partial_files, writer_of};
 
 /// Interval at which the thread checks for a frozen recording.
 const POLL_EVERY: Duration = Duration::from_millis(20);
@@ -39,27 +42,8 @@ const PRUNE_EVERY: Duration = Duration::from_secs(1);
 /// than this.
 const UNLOADED_PLANS_MAX: usize = 256;
 
-/// Extension of a file that is still being written.
-const PARTIAL_EXTENSION: &str = "half";
 /// Number of recordings whose result is kept for queries.
 const RECORDINGS_MAX: usize = 64;
-
-/// Returns the life of the executor that wrote the incident file `path`, and whether the file is incomplete. Returns
-/// `None` for files that no executor wrote.
-fn writer_of(path: &Path) -> Option<(ProcessInstance, bool)> {
-    let partial = match path.extension()?.to_str()? {
-        EXTENSION => false,
-        PARTIAL_EXTENSION => true,
-        _ => return None,
-    };
-    // `IncidentWriter::write` names files EXECUTOR-CYCLE-REASON.
-    let mut parts = path.file_stem()?.to_str()?.splitn(3, '-');
-    let (executor, cycle, reason) = (parts.next()?, parts.next()?, parts.next()?);
-    let digits = executor.len() == 16 && cycle.parse::<u64>().is_ok();
-    let known = digits && ["fault", "late", "request", "trigger"].contains(&reason);
-    let executor = u64::from_str_radix(executor, 16).ok().filter(|_| known)?;
-    Some((ProcessInstance::from_incarnation(executor), partial))
-}
 
 /// Results of the last recordings. Added by the thread that writes the files, read by the intake thread.
 #[derive(Clone, Debug, Default)]
@@ -147,6 +131,10 @@ pub struct IncidentWriter {
     log: Option<EventRecorder>,
     recordings: RecordingResults,
     rule_texts: RuleTexts,
+    /// The file that was written last: the newest one, whatever the wall clock says.
+    newest: Option<PathBuf>,
+    /// Logs of this run of the cell.
+    logs: Option<PathBuf>,
 }
 
 impl IncidentWriter {
@@ -157,7 +145,8 @@ impl IncidentWriter {
         helper: FlightRecorderHelper,
     ) -> (IncidentWriter, Sender<PreparedNet>, RecordingResults) {
         let (sender, prepared) = channel();
-        let folder = context.cell.state().incidents_dir();
+        let state = context.cell.state();
+        let folder = state.incidents_dir();
         let incident_writer = IncidentWriter {
             context,
             folder,
@@ -168,6 +157,8 @@ impl IncidentWriter {
             log: None,
             recordings: RecordingResults::default(),
             rule_texts: RuleTexts::default(),
+            newest: None,
+            logs: state.own_logs(),
         };
         let recordings = incident_writer.recordings.clone();
         (incident_writer, sender, recordings)
@@ -189,7 +180,7 @@ impl IncidentWriter {
 
     /// Runs until it is asked to end; recordings frozen by then are still written.
     pub fn run(&mut self, helper: &Helper) {
-        self.remove_partial_files();
+        remove_partial_files(&self.folder);
         self.remove_oldest();
         let mut kept_at = Instant::now();
         while !helper.is_over() {
@@ -217,7 +208,12 @@ impl IncidentWriter {
     fn remove_oldest(&self) {
         let is_incident = |path: &Path| writer_of(path).is_some();
         let keep = self.context.recorder.keep;
-        match self.context.cell.state().remove_oldest(keep, is_incident) {
+        let newest: Vec<&Path> = [&self.newest, &self.logs]
+            .into_iter()
+            .filter_map(Option::as_deref)
+            .collect();
+        let state = self.context.cell.state();
+        match state.remove_oldest(keep, &newest, is_incident) {
             Ok(removed) => {
                 for path in removed {
                     info!(
@@ -322,7 +318,7 @@ impl IncidentWriter {
         // `nets` lists all nets of the recording; those without a plan are listed separately.
         let ago = Duration::from_nanos(monotonic_ns().saturating_sub(trigger.stamp_ns));
         let missing = |id: &&u64| !self.plans.iter().any(|plan| plan.id == **id);
-        IncidentHead {
+        let mut head = IncidentHead {
             format: FORMAT,
             build: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned(),
             layout: incident::layout(),
@@ -345,19 +341,25 @@ impl IncidentWriter {
             without_plan: overview.nets.iter().filter(missing).copied().collect(),
             nets: overview.nets.iter().copied().collect(),
             ..IncidentHead::default()
-        }
+        };
+        mark_overwritten(&mut head);
+        head
     }
 
     /// Writes the file completely or not at all, and returns its path.
     fn write(
-        &self,
+        &mut self,
         recording: &FrozenRecording,
         head: IncidentHead,
         helper: &Helper,
     ) -> io::Result<PathBuf> {
         let mut folder = DirBuilder::new();
         folder.recursive(true).mode(0o700).create(&self.folder)?;
-        self.make_room()?;
+        make_room(
+            &self.folder,
+            self.context.recorder.files,
+            self.context.incarnation,
+        )?;
         let wanted = |plan: &&KeptPlan| head.nets.contains(&plan.id);
         let plans: Vec<&KeptPlan> = self.plans.iter().filter(wanted).collect();
         let files: Vec<(u64, &[u8])> = plans
@@ -395,42 +397,9 @@ impl IncidentWriter {
             return Err(error);
         }
         File::open(&self.folder)?.sync_all()?;
+        self.newest = Some(path.clone());
         self.remove_oldest();
         Ok(path)
-    }
-
-    /// Removes incomplete files whose writer is dead: an executor that was killed while writing.
-    fn remove_partial_files(&self) {
-        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
-        for path in entries.map(|entry| entry.path()) {
-            let dead = writer_of(&path)
-                .is_some_and(|(life, partial)| partial && life.liveness().is_dead());
-            if dead && let Err(error) = fs::remove_file(&path) {
-                warn!(
-                    "{}: cannot remove the incomplete file: {error}; it counts towards the maximum number of incidents",
-                    path.display()
-                );
-            }
-        }
-    }
-
-    /// Removes the oldest files, complete or not, until there is room for one more.
-    fn make_room(&self) -> io::Result<()> {
-        let mut files = Vec::new();
-        for entry in fs::read_dir(&self.folder)? {
-            let path = entry?.path();
-            if writer_of(&path).is_some() {
-                let age = fs::metadata(&path).and_then(|file| file.modified());
-                files.push((age.ok(), path));
-            }
-        }
-        files.sort();
-        let room = self.context.recorder.files.saturating_sub(1);
-        let many = files.len().saturating_sub(room);
-        for (_, path) in files.into_iter().take(many) {
-            fs::remove_file(&path)?;
-        }
-        Ok(())
     }
 
     fn report_written(
@@ -468,5 +437,52 @@ impl IncidentWriter {
         if let Some(log) = &self.log {
             log.tell_in((cycle != 0).then_some(cycle), what);
         }
+    }
+}
+
+/// Adds to the words about a trigger that its cycle is missing: both rings were full before one was written to the disk.
+fn mark_overwritten(head: &mut IncidentHead) {
+    if head.first_cycle <= head.cycle {
+        return;
+    }
+    let cycle = head.cycle;
+    let words =
+        format!("cycle {cycle} was overwritten while the disk was slow, the file begins later");
+    let detail = match (&mut head.fault, &mut head.condition) {
+        (Some(fault), _) => fault,
+        (None, condition) => condition.get_or_insert_default(),
+    };
+    if !detail.is_empty() {
+        detail.push_str("; ");
+    }
+    detail.push_str(&words);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_incident_whose_cycle_was_overwritten_says_so() {
+        let head = |fault: Option<&str>, first_cycle| {
+            let mut head = IncidentHead {
+                fault: fault.map(str::to_owned),
+                cycle: 100,
+                first_cycle,
+                ..IncidentHead::default()
+            };
+            mark_overwritten(&mut head);
+            (head.fault, head.condition)
+        };
+        assert_eq!(head(Some("driver"), 100), (Some("driver".into()), None));
+        let (fault, condition) = head(Some("driver"), 101);
+        let fault = fault.unwrap();
+        assert!(
+            fault.starts_with("driver; cycle 100 was overwritten"),
+            "{fault}"
+        );
+        assert_eq!(condition, None);
+        let (fault, condition) = head(None, 101);
+        assert!(fault.is_none() && condition.unwrap().starts_with("cycle 100 was"));
     }
 }

@@ -454,7 +454,7 @@ fn spawn_helpers(
             pump.round();
             thread::sleep(PUMP_EVERY);
         }
-        pump.round();
+        pump.finish();
     })?;
     if let Some(mut incident_writer) = incident_writer {
         helpers.spawn("incidents", WRITE_MAX, move |helper| {

@@ -10,6 +10,7 @@ use rcc_core::message::{
 use rcc_core::timing::{LateCause, LateCycle};
 use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{Cell, Publisher};
+use rcc_process::log_throttle::LogThrottle;
 use rcc_protocol::control::Refusal;
 use rcc_protocol::events::{CommandFault, Event, EventKind, EventSeverity, hex_digits};
 use rcc_protocol::rules::{DisarmReason, RuleState, RuleStatus};
@@ -33,6 +34,7 @@ pub struct Pump {
     devices: Vec<PumpedDevice>,
     late: LateSummary,
     log: Option<(Cell, EventRecorder)>,
+    publish_log: LogThrottle,
 }
 
 #[derive(Debug, Default)]
@@ -91,6 +93,7 @@ impl Pump {
             devices,
             late: LateSummary::default(),
             log: None,
+            publish_log: LogThrottle::default(),
         }
     }
 
@@ -107,13 +110,29 @@ impl Pump {
         while let Ok(record) = self.records.pop() {
             self.batch.push(record);
         }
-        let published = self.publisher.publish(&self.batch);
-        if let Err(error) = published {
-            warn!("lost monitor records: {error}");
+        if let Err(error) = self.publisher.publish(&self.batch) {
+            match self.publish_log.admit(Instant::now()) {
+                Some(0) => warn!("lost monitor records: {error}"),
+                Some(others) => {
+                    warn!(
+                        "lost monitor records: {error}; {others} more since the last such message"
+                    );
+                }
+                None => {}
+            }
         }
         while let Ok(event) = self.events.pop() {
             self.handle_event(event);
         }
+        let quiet = self.late.reported_at;
+        if !quiet.is_some_and(|at| at.elapsed() < LATE_REPORT_EVERY) {
+            self.report_late();
+        }
+    }
+
+    /// Empties both rings for the last time; late cycles are reported even if others were a moment ago.
+    pub fn finish(&mut self) {
+        self.round();
         self.report_late();
     }
 
@@ -253,11 +272,7 @@ impl Pump {
     }
 
     fn report_late(&mut self) {
-        let quiet = self
-            .late
-            .reported_at
-            .is_some_and(|at| at.elapsed() < LATE_REPORT_EVERY);
-        if self.late.count == 0 || quiet {
+        if self.late.count == 0 {
             return;
         }
         let LateSummary {
@@ -385,5 +400,50 @@ fn refusal_words(refusal: Refusal, state: RuleState) -> String {
             "its condition can never hold any more".to_owned()
         }
         _ => "the executor refused it".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rcc_ipc::Session;
+    use rcc_ipc::events::EventReader;
+    use rcc_protocol::Role;
+    use rcc_protocol::control::RECORDS;
+
+    use super::*;
+
+    #[test]
+    fn late_cycles_before_an_orderly_end_are_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let cell = Cell::at("pump", folder.path()).unwrap();
+        cell.make_state(None).unwrap();
+        let session = Session::join(&cell, Role::Executor, "executor").unwrap();
+        let recorder = EventRecorder::start(&cell, Role::Executor, "executor").unwrap();
+        let (_records, records) = rtrb::RingBuffer::new(4);
+        let (mut events, queued) = rtrb::RingBuffer::new(4);
+        let publisher = session.publisher(RECORDS).unwrap();
+        let mut pump = Pump::new(records, queued, publisher, Vec::new())
+            .with_event_log(&cell, recorder.clone());
+        let mut late = |cycle| {
+            let late = LateCycle {
+                cycle,
+                ..LateCycle::NONE
+            };
+            events.push(EngineEvent::Late(late)).unwrap();
+        };
+        late(5);
+        pump.round();
+        late(9);
+        late(10);
+        pump.finish();
+        recorder.flush(Duration::from_secs(60));
+        let reported = EventReader::open(&cell.state()).poll().unwrap();
+        let reported = reported.into_iter().filter_map(|event| match event.what {
+            EventKind::Late {
+                first_cycle, count, ..
+            } => Some((first_cycle, count)),
+            _ => None,
+        });
+        assert_eq!(reported.collect::<Vec<_>>(), [(5, 1), (9, 2)]);
     }
 }

@@ -91,7 +91,7 @@ pub enum RecordError {
     #[error("{0}; what was recorded before is in the file")]
     Write(RecordingError),
     /// The file cannot be created.
-    #[error("{0}: name another file")]
+    #[error("{0}: name another file, or move that one away")]
     Create(RecordingError),
     /// The thread that writes cannot be made.
     #[error("cannot make a thread: {0}")]

@@ -1,4 +1,4 @@
-//! Receives SIGTERM, SIGINT and SIGHUP by polling, so that shared memory is released before the end. Set up by the main
+//! Receives SIGTERM, SIGINT and, unless it is ignored, SIGHUP by polling, so that shared memory is released before the end. Set up by the main
 //! thread before any other thread exists.
 
 use nix::errno::Errno;
@@ -12,14 +12,16 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Blocks the signals, so that they no longer end the process by themselves.
+    /// Blocks the signals, so that they no longer end the process by themselves. SIGHUP stays ignored under `nohup`: a
+    /// blocked signal would be received even so.
     ///
     /// # Errors
     /// Returns the system's error.
     pub fn catch() -> Result<Signals, Errno> {
-        let set: SigSet = [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP]
-            .into_iter()
-            .collect();
+        let mut set: SigSet = [Signal::SIGTERM, Signal::SIGINT].into_iter().collect();
+        if !ignores_hangup() {
+            set.add(Signal::SIGHUP);
+        }
         set.thread_block()?;
         let flags = SfdFlags::SFD_NONBLOCK | SfdFlags::SFD_CLOEXEC;
         let descriptor = SignalFd::with_flags(&set, flags)?;
@@ -31,5 +33,65 @@ impl Signals {
         let read = self.descriptor.read_signal();
         let found = read.ok().flatten()?;
         i32::try_from(found.ssi_signo).ok()
+    }
+}
+
+/// Returns true if this process ignores SIGHUP since its start, as under `nohup`; then the end of a terminal must not end
+/// it.
+fn ignores_hangup() -> bool {
+    std::fs::read_to_string("/proc/self/status")
+        .is_ok_and(|status| ignores(&status, Signal::SIGHUP))
+}
+
+/// Returns true if the signal is ignored, by the `SigIgn` of proc_pid_status(5): a mask in hexadecimal digits, with signal
+/// 1 in its lowest bit.
+fn ignores(status: &str, signal: Signal) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal as u32 - 1) & 1 != 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+
+    use nix::sys::signal::raise;
+
+    use super::*;
+
+    /// Tells the process that the test starts that it is that one.
+    const UNDER_NOHUP: &str = "RCC_TEST_UNDER_NOHUP";
+
+    #[test]
+    fn the_ignored_signals_are_a_mask() {
+        let status = "Name:\trcc-cli\nSigBlk:\t0000000000000001\nSigIgn:\t0000000000001001\n";
+        assert!(ignores(status, Signal::SIGHUP) && ignores(status, Signal::SIGPIPE));
+        assert!(!ignores(status, Signal::SIGTERM) && !ignores("", Signal::SIGHUP));
+    }
+
+    #[test]
+    fn a_program_under_nohup_outlives_its_terminal() {
+        if std::env::var_os(UNDER_NOHUP).is_some() {
+            return survive();
+        }
+        let status = Command::new("sh")
+            .args(["-c", r#"trap "" HUP; exec "$0" "$@""#])
+            .arg(std::env::current_exe().expect("this test"))
+            .args([
+                "--exact",
+                "signals::tests::a_program_under_nohup_outlives_its_terminal",
+            ])
+            .env(UNDER_NOHUP, "1")
+            .status();
+        assert!(status.expect("a shell").success());
+    }
+
+    /// Sends signals to this thread alone.
+    fn survive() {
+        let mut signals = Signals::catch().expect("a descriptor");
+        raise(Signal::SIGHUP).expect("sent");
+        assert_eq!(signals.pending(), None);
+        raise(Signal::SIGTERM).expect("sent");
+        assert_eq!(signals.pending(), Some(Signal::SIGTERM as i32));
     }
 }

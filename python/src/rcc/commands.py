@@ -55,6 +55,8 @@ ASK_EVERY_S = 0.05
 ASK_AGAIN_S = 1.0
 #: Code of a refusal because of too many requests: nets that end at once would open too many streams.
 TOO_MANY = "RCC4010"
+#: Code of a refusal because the command does not exist.
+UNKNOWN_COMMAND = "RCC3001"
 #: Time after a cycle within which its monitored values have arrived at the loader, s.
 READ_AFTER_S = 0.1
 
@@ -155,7 +157,7 @@ class AsyncCell:
         view = await command._loaded()
         if view["state"] == "rejected":
             # Nobody has a use for it: the error has all that it knows.
-            await command.unload()
+            await command._unload_ended()
             raise errors.NetRejected(
                 "", f"net {view['net']} is not valid", None, cast(Any, view.get("diagnostics", []))
             )
@@ -227,7 +229,7 @@ class AsyncCell:
             # Also Ctrl-C, a timeout and a canceled task: what this program runs does not go on without it.
             await self._io.finish(command._end())
             raise
-        await command.unload()
+        await command._unload_ended()
         return finished(outcome, net.failures if isinstance(net, Net) else {})
 
     async def switch(
@@ -423,6 +425,14 @@ class AsyncCommand:
     async def unload(self) -> None:
         """UNLOAD."""
         await self._do("DELETE")
+
+    async def _unload_ended(self) -> None:
+        """UNLOAD of a command that has ended; somebody else may have unloaded it."""
+        try:
+            await self.unload()
+        except errors.RccError as error:
+            if error.code != UNKNOWN_COMMAND:
+                raise
 
     async def wait(self, timeout: float | None = None) -> Outcome:
         """Waits until the command has ended; raises `TimeoutError` after that many seconds."""

@@ -16,8 +16,9 @@ use rcc_process::signals::PARENT;
 use rcc_process::{exit, oom};
 
 use super::notify::NotifySocket;
-use super::policy::RestartPolicy;
+use super::policy::{RestartDecision, RestartPolicy};
 use super::processes::{ProcessSpec, ReadySignal};
+use super::start_error::StartError;
 
 /// Length from which a log is emptied, bytes.
 const LOG_MAX: u64 = 8 << 20;
@@ -88,15 +89,12 @@ impl Child {
     ///
     /// # Errors
     /// Returns the system's error with the program or file.
-    pub fn start(&mut self) -> io::Result<()> {
-        let named = |path: &Path, error: io::Error| {
-            io::Error::new(error.kind(), format!("{}: {error}", path.display()))
-        };
+    pub fn start(&mut self) -> Result<(), StartError> {
         let create = |path: &Path| {
             // Append mode, so that emptying the file leaves no hole.
             let mut options = OpenOptions::new();
             let options = options.create(true).append(true).mode(0o600).open(path);
-            options.map_err(|error| named(path, error))
+            options.map_err(|error| StartError::file(path, error))
         };
         let log = create(&self.log)?;
         self.log_begin = log.metadata().map_or(0, |found| found.len());
@@ -104,7 +102,7 @@ impl Child {
         // The process reports its readiness on it.
         output
             .set_len(0)
-            .map_err(|error| named(&self.output, error))?;
+            .map_err(|error| StartError::file(&self.output, error))?;
         let mut command = Command::new(&self.spec.program);
         // If set for the supervisor itself, these are not meant for its children.
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
@@ -115,7 +113,7 @@ impl Child {
         self.hung = None;
         if self.spec.ready == ReadySignal::Notified {
             let notifications = NotifySocket::listen(&self.notify_path)
-                .map_err(|error| named(&self.notify_path, error))?;
+                .map_err(|error| StartError::file(&self.notify_path, error))?;
             self.notifications = Some(notifications);
             command.env("NOTIFY_SOCKET", &self.notify_path);
             command.env("WATCHDOG_USEC", self.watchdog.as_micros().to_string());
@@ -127,11 +125,24 @@ impl Child {
             .stderr(log)
             .process_group(0)
             .spawn()
-            .map_err(|error| named(&self.spec.program, error))?;
+            .map_err(|error| StartError::program(&self.spec.program, error))?;
         // Ordinary users may only raise the score: then loader and simulators are killed first, which is what matters.
         let _ = oom::set(process.id(), self.spec.kind.oom_score());
         self.state = ProcessState::Starting(process);
         Ok(())
+    }
+
+    /// Decides what follows a death, or a start that failed: a restart, unless it `is_final` or came too often.
+    pub fn after_death(&mut self, now: Duration, is_final: bool) -> RestartDecision {
+        let decision = match is_final {
+            true => RestartDecision::Failed,
+            false => self.restarts.record_death(now),
+        };
+        self.state = match decision {
+            RestartDecision::Restart { at, .. } => ProcessState::Down(at),
+            RestartDecision::Failed => ProcessState::Failed,
+        };
+        decision
     }
 
     /// Returns the process id while it runs.
@@ -266,4 +277,53 @@ fn tail(path: &Path, begin: u64) -> String {
         |_| String::new(),
         |bytes| String::from_utf8_lossy(&bytes).into_owned(),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::supervisor::processes::ProcessKind;
+
+    fn child(program: &str, logs: &Path) -> Child {
+        let spec = ProcessSpec {
+            kind: ProcessKind::Simulator,
+            name: "simulator".into(),
+            program: program.into(),
+            arguments: Vec::new(),
+            ready: ReadySignal::Line,
+        };
+        Child::new(spec, 0, &SupervisionConfig::default(), [logs, logs])
+    }
+
+    #[test]
+    fn a_start_that_fails_for_a_moment_is_tried_again() {
+        let folder = rcc_testing::folder();
+        let logs = folder.path().join("logs");
+        let mut child = child("/bin/true", &logs);
+        let error = child.start().unwrap_err();
+        assert!(!error.remedy().is_final(), "{error}");
+        let decision = child.after_death(Duration::ZERO, error.remedy().is_final());
+        assert!(matches!(decision, RestartDecision::Restart { nth: 1, .. }));
+        assert!(matches!(child.state, ProcessState::Down(_)));
+        std::fs::create_dir(&logs).unwrap();
+        child.start().unwrap();
+        let ProcessState::Starting(process) = &mut child.state else {
+            panic!("{:?}", child.state)
+        };
+        assert!(process.wait().unwrap().success());
+    }
+
+    #[test]
+    fn a_missing_program_is_not_tried_again() {
+        let folder = rcc_testing::folder();
+        let mut child = child("/nowhere/rcc-exec", folder.path());
+        let error = child.start().unwrap_err();
+        assert!(
+            error.to_string().starts_with("/nowhere/rcc-exec: "),
+            "{error}"
+        );
+        let decision = child.after_death(Duration::ZERO, error.remedy().is_final());
+        assert_eq!(decision, RestartDecision::Failed);
+        assert!(matches!(child.state, ProcessState::Failed));
+    }
 }

@@ -32,6 +32,31 @@ pub enum RestartDecision {
     Failed,
 }
 
+/// What helps a process that ended or could not be started, in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remedy {
+    /// A restart cannot help, only this.
+    Final(&'static str),
+    /// If restarts do not help.
+    AfterRestarts(&'static str),
+}
+
+impl Remedy {
+    /// Returns true if a restart cannot help.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        matches!(self, Remedy::Final(_))
+    }
+
+    /// Returns the words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Remedy::Final(words) | Remedy::AfterRestarts(words) => words,
+        }
+    }
+}
+
 impl RestartPolicy {
     /// Creates the policy of a cell's configuration: this many restarts within the window; at the next death the
     /// process has failed permanently.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_api::codes;
-use rcc_ipc::Cell;
+use rcc_ipc::{Cell, clean};
 use rcc_protocol::{Announcement, Role};
 use serde::Serialize;
 
@@ -15,6 +15,7 @@ use crate::cells;
 use crate::context::{Context, cell_failure};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
+use crate::output::print_note;
 
 /// Longest time for a cell to end: nets that are canceled, arms that come to rest, and the end of each process.
 const DOWN_TIMEOUT: Duration = Duration::from_secs(60);
@@ -75,6 +76,7 @@ pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
                     living.iter().filter(|one| one.role == role).collect();
                 end(&cell, &of_role, &mut pids, (limit, &interrupts))?;
             }
+            remove_files(&cell);
         }
     }
     let ended = Ended {
@@ -83,6 +85,14 @@ pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
     };
     context.print(&ended, |ended| format!("cell {}  ended", ended.cell));
     Ok(())
+}
+
+/// Removes the files of a cell whose processes have ended, as its supervisor would have done.
+fn remove_files(cell: &Cell) {
+    if let Err(error) = clean::remove_cell(cell) {
+        let (name, help) = (cell.name(), "the next `rcc-cli up` removes them");
+        print_note(&format!("the files of cell `{name}` stay: {error}; {help}"));
+    }
 }
 
 /// Returns the announced processes that are or may be alive.
@@ -146,6 +156,16 @@ fn unit_in(groups: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_files_of_a_cell_without_a_supervisor_are_removed() {
+        let temporary = rcc_testing::folder();
+        let folder = temporary.path().join("demo");
+        let cell = Cell::at("demo", &folder).unwrap();
+        fs::write(cell.running_file(), "{}").unwrap();
+        remove_files(&cell);
+        assert!(!folder.exists());
+    }
 
     #[test]
     fn a_unit_is_recognised_by_the_control_group() {

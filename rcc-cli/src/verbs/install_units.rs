@@ -2,6 +2,7 @@
 //! thread; starts nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
@@ -28,7 +29,7 @@ pub struct Arguments {
     /// Change nothing; print what would be written, replaced and removed
     #[arg(long)]
     dry_run: bool,
-    /// Cores for everything but the cycle, such as 0-2,5 [default: all but the executor's core]
+    /// Cores for everything but the cycle, such as 0-2,5 [default: all but those of executors and isolated ones]
     #[arg(long, value_name = "CORES")]
     cpus: Option<Cores>,
     /// Folder of the installed programs [default: this program's folder]
@@ -47,6 +48,8 @@ pub struct Arguments {
 
 /// Folders hidden from the services (`ProtectHome`, `PrivateTmp`).
 const HIDDEN: [&str; 5] = ["/home", "/root", "/run/user", "/tmp", "/var/tmp"];
+/// Folder with the kernel's lists of cores.
+const CPUS: &str = "/sys/devices/system/cpu";
 /// Programs that the units start.
 const PROGRAMS: [&str; 5] = [
     "rcc-exec",
@@ -85,7 +88,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     require_own_programs(&config, &programs, elsewhere)?;
     require_visible(&path, "the configuration", elsewhere)?;
     require_no_simulators(&config, &arguments)?;
-    let cores = cores(&config, arguments.cpus)?;
+    let cores = cores(&config, &arguments.root, &cell, arguments.cpus)?;
     let cell_units = CellUnits {
         cell: &cell,
         config: &config,
@@ -218,8 +221,14 @@ fn require_visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failu
     }
 }
 
-/// Returns all cores but the executor's, unless cores are given.
-fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Failure> {
+/// Returns the cores for everything but the cycle, unless cores are given: all that are online, but those of executors and
+/// isolated ones. The cores that this process may use itself do not matter: systemd starts the services.
+fn cores(
+    config: &CellConfig,
+    root: &Path,
+    cell: &str,
+    given: Option<Cores>,
+) -> Result<Option<Cores>, Failure> {
     let Some(core) = config.executor.core else {
         return Ok(given);
     };
@@ -230,8 +239,53 @@ fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Fai
             "remove it from --cpus",
         ));
     }
-    let count = std::thread::available_parallelism().map_or(1, usize::from);
-    Ok(given.or_else(|| Cores::all_but(count, &BTreeSet::from([core]))))
+    if given.is_some() {
+        return Ok(given);
+    }
+    let list = |name: &str| fs::read_to_string(Path::new(CPUS).join(name)).unwrap_or_default();
+    let mut taken = reserved_by_others(root, cell);
+    taken.insert(core);
+    Ok(housekeeping(&list("online"), &list("isolated"), &taken))
+}
+
+/// Returns the cores of the list `online` without those of the list `isolated`, which the scheduler leaves alone, and those
+/// `taken`; `None` if none remain.
+fn housekeeping(online: &str, isolated: &str, taken: &BTreeSet<usize>) -> Option<Cores> {
+    let numbers = |list: &str| {
+        list.trim()
+            .parse()
+            .map_or(BTreeSet::new(), |cores: Cores| cores.numbers().clone())
+    };
+    let isolated = numbers(isolated);
+    let rest = numbers(online)
+        .into_iter()
+        .filter(|core| !isolated.contains(core) && !taken.contains(core));
+    let rest: Vec<String> = rest.map(|core| core.to_string()).collect();
+    rest.join(",").parse().ok()
+}
+
+/// Returns the cores of the executors of other cells, from the drop-ins of `rt-setup` that were written for them.
+fn reserved_by_others(root: &Path, cell: &str) -> BTreeSet<usize> {
+    let folder = root.join(units::UNITS).join("rcc-rt-setup.service.d");
+    let own = format!("50-cell-{cell}.conf");
+    let others = fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| {
+            let name = entry.file_name();
+            name != *own && name.to_string_lossy().starts_with("50-cell-")
+        });
+    let texts = others.filter_map(|entry| fs::read_to_string(entry.path()).ok());
+    texts.flat_map(|text| reserved_in(&text)).collect()
+}
+
+fn reserved_in(drop_in: &str) -> BTreeSet<usize> {
+    let lines = drop_in
+        .lines()
+        .filter_map(|line| line.strip_prefix("Environment=RCC_RT_CORES"));
+    let lists = lines.filter_map(|line| line.split_once('=')?.1.parse::<Cores>().ok());
+    lists.flat_map(|cores| cores.numbers().clone()).collect()
 }
 
 /// Prints the change of each file, or with `dry` the change that was not made, and the number of files.
@@ -287,5 +341,49 @@ fn after_uninstall(context: &Context, cell: &str) {
         print_line(&format!(
             "next: sudo systemctl stop rcc@{cell}.target; sudo systemctl daemon-reload"
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn housekeeping_takes_the_online_cores_that_nobody_reserved() {
+        let cores = |online, isolated, taken: &[usize]| {
+            let taken = taken.iter().copied().collect();
+            housekeeping(online, isolated, &taken).map(|cores| cores.to_string())
+        };
+        assert_eq!(cores("0-3\n", "\n", &[3]).as_deref(), Some("0-2"));
+        // Core 1 is switched off, and more are online than a process of a container may use.
+        assert_eq!(
+            cores("0,2-15", "8-11", &[2, 3]).as_deref(),
+            Some("0,4-7,12-15")
+        );
+        assert_eq!(cores("0-1", "", &[7]).as_deref(), Some("0-1"));
+        assert_eq!(cores("0-1", "1", &[0]), None);
+        assert_eq!(cores("", "", &[0]), None);
+    }
+
+    #[test]
+    fn cores_of_other_cells_are_reserved() {
+        let root = rcc_testing::folder();
+        let folder = root
+            .path()
+            .join("etc/systemd/system/rcc-rt-setup.service.d");
+        fs::create_dir_all(&folder).unwrap();
+        for (name, cores) in [("lab", "3"), ("line-2", "4"), ("idle", ""), ("own", "5")] {
+            let text = format!("# written\n[Service]\nEnvironment=RCC_RT_CORES_X={cores}\n");
+            fs::write(folder.join(format!("50-cell-{name}.conf")), text).unwrap();
+        }
+        fs::write(
+            folder.join("90-site.conf"),
+            "Environment=RCC_RT_CORES_X=9\n",
+        )
+        .unwrap();
+        assert_eq!(
+            reserved_by_others(root.path(), "own"),
+            BTreeSet::from([3, 4])
+        );
     }
 }

@@ -17,6 +17,8 @@ use crate::value::Style;
 
 /// Highest sampling rate, Hz; a `Monitor` in the net records every cycle.
 const RATE_MAX: f64 = 100.0;
+/// Lowest sampling rate, Hz: one sample in about 17 minutes. The interval of much lower ones is not a valid duration.
+const RATE_MIN: f64 = 1e-3;
 
 /// Arguments of `watch`.
 #[derive(clap::Args, Debug)]
@@ -26,7 +28,7 @@ pub struct Arguments {
     /// Ports, including inputs, such as move.pose, ik.joints[2] or 'a/filter.*', with * and ? as wildcards [default:
     /// all outputs]
     ports: Vec<String>,
-    /// Samples per second, at most 100
+    /// Samples per second, 0.001 to 100
     #[arg(long, default_value_t = 10.0, value_name = "HZ")]
     rate: f64,
     /// End after this many samples
@@ -46,11 +48,7 @@ pub struct Arguments {
 /// Fails if the loader cannot be reached, the net or port does not exist, Ctrl-C was pressed, or the net ended
 /// otherwise than `finished`.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    if !(arguments.rate > 0.0 && arguments.rate <= RATE_MAX) {
-        let message = format!("invalid rate: {} samples per second", arguments.rate);
-        let help = "must be more than 0 and at most 100; a Monitor in the net records every cycle";
-        return Err(Failure::new(codes::BAD_REQUEST, message, help));
-    }
+    let every = interval(arguments.rate)?;
     let interrupts = Interrupts::listen()?;
     let client = context.client()?;
     let mut screen = Screen {
@@ -70,7 +68,6 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     // From now on this command is watched, whatever is loaded under its name.
     let id = values.id.to_string();
-    let every = Duration::from_secs_f64(1.0 / arguments.rate);
     let mut next = Instant::now();
     let mut samples = 0;
     let mut last = None;
@@ -100,6 +97,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             Sample::Unloaded(command) => return screen.report_end(&command),
         };
     }
+}
+
+/// Returns the interval between two samples at a rate in Hz.
+fn interval(rate: f64) -> Result<Duration, Failure> {
+    if (RATE_MIN..=RATE_MAX).contains(&rate) {
+        return Ok(Duration::from_secs_f64(1.0 / rate));
+    }
+    let message = format!("invalid rate: {rate} samples per second");
+    let help = "must be 0.001 to 100; a Monitor in the net records every cycle";
+    Err(Failure::new(codes::BAD_REQUEST, message, help))
 }
 
 enum Sample {
@@ -155,5 +162,20 @@ impl Screen {
             ));
         }
         follow::exit_result(command, RequestedEnd::Finish)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_without_a_valid_interval_is_refused() {
+        assert_eq!(interval(10.0).unwrap(), Duration::from_millis(100));
+        assert_eq!(interval(0.001).unwrap(), Duration::from_secs(1000));
+        for rate in [1e-30, 0.0, -1.0, 100.1, f64::NAN, f64::INFINITY] {
+            let refused = interval(rate).unwrap_err();
+            assert_eq!(refused.exit, exit::USAGE, "{rate}");
+        }
     }
 }

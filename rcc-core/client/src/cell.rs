@@ -119,7 +119,7 @@ impl Cell {
         match view.state.as_str() {
             "loading" => Err(ClientError::Timeout(LOAD_MAX)),
             "rejected" => {
-                command.unload()?;
+                command.unload_ended()?;
                 Err(rejected(view))
             }
             _ => Ok(command),
@@ -185,7 +185,7 @@ impl Cell {
         let outcome = started.and_then(|_| command.wait(None));
         match outcome {
             Ok(outcome) => {
-                command.unload()?;
+                command.unload_ended()?;
                 outcome.finished()
             }
             Err(error) => {

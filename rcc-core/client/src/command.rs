@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{CommandView, Done, InputsSet, OnClientLoss, Start, ValuesView};
+use rcc_api::codes;
 use serde::Serialize;
 
 use crate::connection::Connection;
@@ -117,6 +118,16 @@ impl<'a> Command<'a> {
     pub fn unload(&self) -> Result<(), ClientError> {
         let _: Done = self.connection.client.delete(&self.path(""))?;
         Ok(())
+    }
+
+    /// UNLOAD of a command that has ended; somebody else may have unloaded it.
+    pub(crate) fn unload_ended(&self) -> Result<(), ClientError> {
+        match self.unload() {
+            Err(ClientError::Request(error)) if error.body.code == codes::UNKNOWN_COMMAND.code => {
+                Ok(())
+            }
+            unloaded => unloaded,
+        }
     }
 
     /// Waits until it has ended, at most for `timeout`; also if somebody unloads it then.

@@ -16,6 +16,9 @@ use crate::transport::LoaderClient;
 
 /// Renewals in the time after which a lease expires.
 const RENEWALS: u32 = 5;
+/// Shortest time that a renewal is given, unless the lease itself is shorter: networks and loaders answer later than some
+/// leases are renewed.
+const RENEWAL_MIN: Duration = Duration::from_millis(100);
 
 /// The lease of a program, which is granted when it is first needed, and again when the cell has forgotten it. Dropping it
 /// is the loss of the client for what it runs.
@@ -99,7 +102,7 @@ impl Lease {
         let granted: LeaseGranted =
             client.post("/leases", crate::json_text(&LeaseBody { expires_ms })?)?;
         let renewing = Renewing {
-            client: client.another(expires)?,
+            client: client.another(renewal_max(expires))?,
             path: format!("/leases/{}/renew", granted.lease),
             pause: expires / RENEWALS,
             lost: Arc::default(),
@@ -130,6 +133,11 @@ impl Lease {
     pub fn set_lost(&self) {
         self.lost.store(true, Ordering::Relaxed);
     }
+}
+
+/// Returns the time after which a renewal is given up, so that one lost packet does not take the time of the others.
+fn renewal_max(expires: Duration) -> Duration {
+    (expires / RENEWALS).max(RENEWAL_MIN).min(expires)
 }
 
 impl Drop for Lease {

@@ -477,7 +477,8 @@ mod tests {
 
     #[test]
     fn a_socket_that_is_not_there_is_an_unreachable_loader() -> Result<(), RequestError> {
-        let path = std::env::temp_dir().join("rcc-no-such.sock");
+        let name = format!("rcc-no-such-{}.sock", std::process::id());
+        let path = std::env::temp_dir().join(name);
         let client = LoaderClient::new("x", &path, Duration::from_secs(20))?;
         let failed = client.get::<serde_json::Value>("/status");
         assert_eq!(

@@ -105,6 +105,8 @@ pub struct FlightRecorderHelper {
 struct PendingTrigger {
     trigger: Trigger,
     due_cycle: u64,
+    /// Number of words written to the ring after which it is due in any case: the trigger would soon be overwritten.
+    due_written: u64,
 }
 
 /// The flight recorder's part on the real-time thread.
@@ -126,6 +128,8 @@ pub struct FlightRecorder {
     snapshot_words_max: usize,
     post_cycles: u64,
     hold_off_cycles: u64,
+    /// Cycles for which the ring surely contains a trigger.
+    kept_cycles: u64,
     earliest_cycle: u64,
     cycle: u64,
     woke_ns: u64,
@@ -153,6 +157,7 @@ impl FlightRecorder {
         let ring = RecordRing::new(words, cycles);
         let recorder = FlightRecorder {
             snapshot_words_max: ring.capacity() / 8,
+            kept_cycles: three_quarters(ring.cycles_max() as u64),
             spare: Some(RecordRing::new(words, cycles)),
             ring,
             recordings: recording_in,
@@ -331,13 +336,15 @@ impl FlightRecorder {
         self.ring.push(&[head, status.id, status.state as u64]);
     }
 
-    /// Freezes the recording after [`POST_TRIGGER_NS`], or later within the hold-off time.
+    /// Freezes the recording after [`POST_TRIGGER_NS`], or later within the hold-off time, but before the ring overwrites
+    /// the trigger: when it fills three quarters of the ring at the latest.
     pub fn trigger(&mut self, reason: TriggerReason) {
         let after = self.cycle + self.post_cycles;
         let due_cycle = match reason {
             TriggerReason::Request => after,
             _ => after.max(self.earliest_cycle),
         };
+        let due_cycle = due_cycle.min(self.cycle + self.kept_cycles);
         if let Some(pending) = &mut self.pending {
             pending.trigger.others += 1;
             pending.due_cycle = pending.due_cycle.min(due_cycle);
@@ -349,7 +356,12 @@ impl FlightRecorder {
             stamp_ns: self.woke_ns,
             others: 0,
         };
-        self.pending = Some(PendingTrigger { trigger, due_cycle });
+        let kept_words = three_quarters(self.ring.capacity() as u64);
+        self.pending = Some(PendingTrigger {
+            trigger,
+            due_cycle,
+            due_written: self.ring.written().saturating_add(kept_words),
+        });
     }
 
     /// Ends a cycle with its timing (ns, skipped periods); swaps the rings if a frozen recording is due.
@@ -359,11 +371,10 @@ impl FlightRecorder {
         if self.spare.is_none() {
             self.spare = self.spares.pop().ok();
         }
-        if self
-            .pending
-            .as_ref()
-            .is_some_and(|pending| self.cycle >= pending.due_cycle)
-        {
+        let (cycle, written) = (self.cycle, self.ring.written());
+        let is_due =
+            |pending: &PendingTrigger| cycle >= pending.due_cycle || written >= pending.due_written;
+        if self.pending.as_ref().is_some_and(is_due) {
             self.hand_over();
         }
     }
@@ -396,6 +407,10 @@ impl FlightRecorder {
         self.earliest_cycle = self.cycle + self.hold_off_cycles;
         (self.due, self.round_at, self.ring_is_new) = (RowSet::ALL, 0, true);
     }
+}
+
+fn three_quarters(count: u64) -> u64 {
+    count - count / 4
 }
 
 /// An evaluation of a net, as recorded.

@@ -84,6 +84,21 @@ impl StateFolder {
         self.path.join("logs")
     }
 
+    /// Returns the folder of logs into which this process writes its stderr, if `rcc-cli up` started it.
+    #[must_use]
+    pub fn own_logs(&self) -> Option<PathBuf> {
+        // For a file the link is its path, without symbolic links.
+        self.logs_with(&fs::read_link("/proc/self/fd/2").ok()?)
+    }
+
+    /// Returns the folder of one run that contains the log `file`, as a path below [`StateFolder::logs_dir`].
+    fn logs_with(&self, file: &Path) -> Option<PathBuf> {
+        let logs = self.logs_dir();
+        let run = file.parent()?;
+        let here = run.parent()? == fs::canonicalize(&logs).ok()?;
+        here.then(|| Some(logs.join(run.file_name()?)))?
+    }
+
     /// Returns the rotated log files, oldest first, with their numbers.
     pub(crate) fn rotated_events(&self) -> Vec<(u64, PathBuf)> {
         let entries = fs::read_dir(&self.path).into_iter().flatten().flatten();
@@ -100,31 +115,37 @@ impl StateFolder {
 
     /// Removes the oldest rotated logs, logs of earlier runs and incident files (those for which `is_incident` is true)
     /// until all files together have at most `keep` bytes. The current event log, the logs of the newest run and the
-    /// newest incident stay. Returns what was removed.
+    /// newest incident stay; `newest` are the paths of these two as far as the caller knows them. Without them the wall
+    /// clock decides: what it dates in the future was written before it was set back, and counts as the oldest.
+    /// Returns what was removed.
     ///
     /// # Errors
     /// Returns an error if a file cannot be removed.
     pub fn remove_oldest(
         &self,
         keep: u64,
+        newest: &[&Path],
         is_incident: impl Fn(&Path) -> bool,
     ) -> io::Result<Vec<PathBuf>> {
         let mut total = size_of(&self.events_file());
         let mut old = Vec::new();
+        let now = SystemTime::now();
         let rotated = self.rotated_events().into_iter();
-        old.extend(rotated.map(|(_, path)| StoredItem::of(path)));
+        old.extend(rotated.map(|(_, path)| StoredItem::of(path, now)));
         let mut incidents = listed(&self.incidents_dir());
         incidents.retain(|path| is_incident(path));
         let mut logs = listed(&self.logs_dir());
         logs.retain(|path| path.is_dir());
         for all in [incidents, logs] {
-            let mut all: Vec<StoredItem> = all.into_iter().map(StoredItem::of).collect();
-            all.sort_by_key(|item| item.modified);
+            let items = all.into_iter().map(|path| StoredItem::of(path, now));
+            let mut all: Vec<StoredItem> = items.collect();
+            let is_newest = |item: &StoredItem| newest.contains(&item.path.as_path());
+            all.sort_by_key(|item| (is_newest(item), item.age));
             total += all.pop().map_or(0, |newest| newest.size);
             old.append(&mut all);
         }
         total += old.iter().map(|item| item.size).sum::<u64>();
-        old.sort_by_key(|item| item.modified);
+        old.sort_by_key(|item| item.age);
         let mut removed = Vec::new();
         for item in old {
             if total <= keep {
@@ -147,16 +168,18 @@ impl StateFolder {
 /// A file, or a folder with everything below it.
 struct StoredItem {
     path: PathBuf,
-    modified: SystemTime,
+    /// False if the date is in the future; the date. The oldest has the smallest.
+    age: (bool, SystemTime),
     size: u64,
 }
 
 impl StoredItem {
-    fn of(path: PathBuf) -> StoredItem {
+    fn of(path: PathBuf, now: SystemTime) -> StoredItem {
         let found = fs::symlink_metadata(&path);
         let modified = found.and_then(|found| found.modified());
+        let modified = modified.unwrap_or(SystemTime::UNIX_EPOCH);
         StoredItem {
-            modified: modified.unwrap_or(SystemTime::UNIX_EPOCH),
+            age: (modified <= now, modified),
             size: size_of(&path),
             path,
         }
@@ -311,7 +334,7 @@ mod tests {
         }
         let is_incident = |path: &Path| path.extension().is_some_and(|is| is == "rcc-incident");
         let removed = |keep| {
-            let removed = state.remove_oldest(keep, is_incident).unwrap();
+            let removed = state.remove_oldest(keep, &[], is_incident).unwrap();
             let names = removed
                 .iter()
                 .map(|path| path.file_name().unwrap().to_owned());
@@ -326,6 +349,52 @@ mod tests {
         assert!(state.events_file().exists());
         assert!(state.incidents_dir().join("b.rcc-incident").exists());
         assert!(state.incidents_dir().join("notes").exists());
+    }
+
+    fn dated(path: &Path, time: SystemTime) {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, [b'x'; 100]).unwrap();
+        let file = fs::File::options().write(true).open(path).unwrap();
+        file.set_modified(time).unwrap();
+    }
+
+    #[test]
+    fn after_the_clock_was_set_back_the_files_of_the_future_go_first() {
+        let folder = rcc_testing::folder();
+        let state = StateFolder::at(folder.path());
+        let now = SystemTime::now();
+        let incident = |name: &str| state.incidents_dir().join(name);
+        let future = now + Duration::from_secs(9000);
+        dated(&incident("old"), now - Duration::from_secs(60));
+        dated(&incident("new"), now - Duration::from_secs(1));
+        dated(&incident("future-1"), future);
+        dated(&incident("future-2"), future + Duration::from_secs(1));
+        let keep = |keep, newest: &[&Path]| state.remove_oldest(keep, newest, |_| true).unwrap();
+        let removed = keep(200, &[]);
+        assert_eq!(removed, [incident("future-1"), incident("future-2")]);
+        // One that was written just before the clock was set back is known by its name.
+        dated(&incident("just-written"), future);
+        let run = state.logs_dir().join("2099-01-01");
+        dated(&run.join("executor.log"), future);
+        fs::File::open(&run).unwrap().set_modified(future).unwrap();
+        for name in ["2026-01-01", "2026-01-02"] {
+            dated(&state.logs_dir().join(name).join("executor.log"), now);
+        }
+        assert_eq!(keep(0, &[&incident("just-written"), &run]).len(), 4);
+        assert!(incident("just-written").exists() && run.join("executor.log").exists());
+    }
+
+    #[test]
+    fn the_logs_of_this_run_are_known_by_the_file_of_stderr() {
+        let folder = rcc_testing::folder();
+        let state = StateFolder::at(folder.path());
+        let run = state.logs_dir().join("2026-01-01");
+        fs::create_dir_all(&run).unwrap();
+        let real = fs::canonicalize(&run).unwrap();
+        assert_eq!(state.logs_with(&real.join("executor.log")), Some(run));
+        for other in ["/dev/pts/1", "socket:[123]", "/", "/var/log/x/y.log"] {
+            assert_eq!(state.logs_with(Path::new(other)), None);
+        }
     }
 
     #[test]

@@ -482,12 +482,13 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
         .unwrap_or_default()
 }
 
+/// Returns true if a file was written at least `age` ago, or is dated that far in the future: then the wall clock was set
+/// back since.
 fn is_older(path: &Path, age: Duration) -> bool {
     let modified = fs::metadata(path).and_then(|found| found.modified());
     modified.is_ok_and(|modified| {
-        SystemTime::now()
-            .duration_since(modified)
-            .is_ok_and(|passed| passed >= age)
+        let passed = SystemTime::now().duration_since(modified);
+        passed.unwrap_or_else(|error| error.duration()) >= age
     })
 }
 

@@ -211,6 +211,7 @@ impl CellMessages {
         if let Some(mut nets) = self.nets.take() {
             let wall = move |stamp_ns: u64| stamp_ns.saturating_add(offset_ns);
             let state = nets.flush(sink, &wall)?;
+            nets.release(sink);
             self.note(state);
             self.losses.incomplete += nets.incomplete;
             self.losses.rounded += nets.rounded;

@@ -9,6 +9,7 @@ use rcc_core::message::MonitorRecord;
 use rcc_protocol::events::hex_digits;
 use rcc_recording::cdr::CdrWriter;
 use rcc_recording::file::{AttachedText, ChannelInfo, RecordingError};
+use rcc_recording::recording::NET_HASH;
 use rcc_recording::sink::{ChannelId, MessageSink, RecordingState};
 use rcc_recording::table::{Column, Table, TableKey, TableSubject, field_name};
 
@@ -87,7 +88,7 @@ impl NetRecorder {
         if !self.nets.contains_key(&record.command) {
             if self.nets.len() >= NETS_MAX {
                 state = self.flush(sink, wall)?;
-                self.nets.clear();
+                self.release(sink);
                 self.directory.forget();
             }
             let names = self.directory.command(record.command);
@@ -110,6 +111,14 @@ impl NetRecorder {
             table.filled += 1;
         }
         Ok(state)
+    }
+
+    /// Forgets all nets; the sink need not keep their channels.
+    pub fn release(&mut self, sink: &mut dyn MessageSink) {
+        for net in std::mem::take(&mut self.nets).into_values() {
+            let channels: Vec<ChannelId> = net.tables.iter().map(|table| table.channel).collect();
+            sink.release(&channels);
+        }
     }
 
     /// Writes the cycle that is being put together.
@@ -180,7 +189,7 @@ fn recorded_net(
             topic,
             metadata: [
                 ("net".to_owned(), names.net.clone()),
-                ("net_hash".to_owned(), hash.clone()),
+                (NET_HASH.to_owned(), hash.clone()),
                 ("every".to_owned(), every.to_string()),
             ]
             .into(),

@@ -12,3 +12,4 @@ pub mod recording;
 pub mod schemas;
 pub mod sink;
 pub mod table;
+mod texts;

@@ -3,13 +3,17 @@
 
 use std::collections::VecDeque;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::file::{AttachedText, ChannelInfo, McapFile, RecordingError};
 use crate::sink::{ChannelId, MessageSink, RecordingState};
+use crate::texts::RecordingTexts;
 
 /// Number of segments that a recording without end consists of.
 pub const SEGMENTS: u64 = 8;
+/// Key of the metadata of a net's channels with the hash of its text, which ends the name of the attached text.
+pub const NET_HASH: &str = "net_hash";
 
 /// Behaviour of a recording at its greatest size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +46,15 @@ struct Channel {
     sequence: u32,
     /// The newest message, if each segment must begin with it.
     kept: Option<Vec<u8>>,
+    /// Its user will not write to it any more.
+    is_released: bool,
+}
+
+impl Channel {
+    /// Returns the hash of the net whose values it has.
+    fn net_hash(&self) -> Option<&str> {
+        self.wanted.metadata.get(NET_HASH).map(String::as_str)
+    }
 }
 
 /// Amount of data that was written.
@@ -77,8 +90,9 @@ pub struct Recording {
     number: u64,
     removed: u64,
     messages: u64,
-    channels: Vec<Channel>,
-    texts: Vec<AttachedText>,
+    /// `None` for one that was dropped; the place is used again.
+    channels: Vec<Option<Channel>>,
+    texts: RecordingTexts,
     full: bool,
 }
 
@@ -86,11 +100,22 @@ impl Recording {
     /// Creates the first file.
     ///
     /// # Errors
-    /// Fails if the file exists or cannot be written.
+    /// Fails if the file, or any segment of an earlier recording of this name, exists, or if it cannot be written.
     pub fn create(options: RecordingOptions) -> Result<Recording, RecordingError> {
         let path = match options.when_full {
             WhenFull::Stop => options.path.clone(),
             WhenFull::RemoveOldest => segment_path(&options.path, 1),
+        };
+        // A later segment must not be the first to find one, hours from now.
+        let is_new = options.when_full == WhenFull::RemoveOldest && !options.replace;
+        if let Some(path) = existing_segment(&options.path).filter(|_| is_new) {
+            let words = "a segment of an earlier recording exists";
+            let source = io::Error::new(io::ErrorKind::AlreadyExists, words);
+            return Err(RecordingError { path, source });
+        }
+        let texts_max = match options.when_full {
+            WhenFull::Stop => None,
+            WhenFull::RemoveOldest => Some(options.bytes_max / SEGMENTS / 2),
         };
         Ok(Recording {
             file: McapFile::create(&path, options.replace)?,
@@ -102,7 +127,7 @@ impl Recording {
             removed: 0,
             messages: 0,
             channels: Vec::new(),
-            texts: Vec::new(),
+            texts: RecordingTexts::new(texts_max),
             full: false,
         })
     }
@@ -119,12 +144,15 @@ impl Recording {
         time_ns: u64,
         message: &[u8],
     ) -> Result<(), RecordingError> {
-        let Some(channel) = self.channels.get_mut(channel.index()) else {
+        let Some(Some(channel)) = self.channels.get_mut(channel.index()) else {
             return Ok(());
         };
         let number = match channel.number {
             Some(number) => number,
             None => {
+                if let Some(hash) = channel.net_hash() {
+                    self.texts.attach_net(hash, &mut self.file, time_ns)?;
+                }
                 let number = self.file.add_channel(&channel.info)?;
                 channel.number = Some(number);
                 number
@@ -162,14 +190,23 @@ impl Recording {
                 self.removed += 1;
             }
         }
-        for text in &self.texts {
-            self.file.attach(text, time_ns)?;
+        for place in &mut self.channels {
+            // One that is asked for again is added again.
+            place.take_if(|channel| channel.is_released && channel.number.is_none());
+            if let Some(channel) = place {
+                channel.number = None;
+            }
         }
-        for channel in &mut self.channels {
-            channel.number = None;
-        }
+        let channels = &self.channels;
+        let has_channel = |hash: &str| {
+            let mut channels = channels.iter().flatten();
+            channels.any(|one| one.net_hash() == Some(hash))
+        };
+        self.texts
+            .next_segment(&mut self.file, time_ns, has_channel)?;
         for index in 0..self.channels.len() {
-            let kept = self.channels.get(index).and_then(|one| one.kept.clone());
+            let channel = self.channels.get(index).and_then(Option::as_ref);
+            let kept = channel.and_then(|one| one.kept.clone());
             if let Some(kept) = kept {
                 self.put(ChannelId::new(index), time_ns, &kept)?;
             }
@@ -220,37 +257,64 @@ impl Recording {
 
 impl MessageSink for Recording {
     fn channel(&mut self, wanted: ChannelInfo) -> ChannelId {
-        let known = self.channels.iter().position(|one| one.wanted == wanted);
+        let mut places = self.channels.iter_mut().enumerate();
+        let known = places.find_map(|(place, one)| {
+            let known = one.as_mut().filter(|one| one.wanted == wanted)?;
+            known.is_released = false;
+            Some(place)
+        });
         if let Some(known) = known {
             return ChannelId::new(known);
         }
         let mut info = wanted.clone();
         let mut number = 2;
         let taken = |info: &ChannelInfo| {
-            let mut others = self.channels.iter().map(|one| &one.info);
+            let mut others = self.channels.iter().flatten().map(|one| &one.info);
             others.any(|other| other.topic == info.topic && other.schema != info.schema)
         };
         while taken(&info) {
             info.topic = format!("{}_{number}", wanted.topic);
             number += 1;
         }
-        self.channels.push(Channel {
+        let channel = Some(Channel {
             wanted,
             info,
             number: None,
             sequence: 0,
             kept: None,
+            is_released: false,
         });
-        ChannelId::new(self.channels.len() - 1)
+        let mut free = self.channels.iter_mut().enumerate();
+        match free.find(|(_, place)| place.is_none()) {
+            Some((index, place)) => {
+                *place = channel;
+                ChannelId::new(index)
+            }
+            None => {
+                self.channels.push(channel);
+                ChannelId::new(self.channels.len() - 1)
+            }
+        }
+    }
+
+    fn release(&mut self, channels: &[ChannelId]) {
+        for channel in channels {
+            if let Some(Some(channel)) = self.channels.get_mut(channel.index()) {
+                channel.is_released = true;
+            }
+        }
     }
 
     fn attach(&mut self, text: AttachedText, time_ns: u64) -> Result<(), RecordingError> {
-        if self.full || self.texts.contains(&text) {
+        if self.full {
             return Ok(());
         }
-        self.file.attach(&text, time_ns)?;
-        self.texts.push(text);
-        Ok(())
+        let length = self.file.length() + text.text.len() as u64;
+        if self.options.when_full == WhenFull::Stop && length > self.options.bytes_max {
+            self.full = true;
+            return Ok(());
+        }
+        self.texts.add(text, &mut self.file, time_ns)
     }
 
     fn write(
@@ -283,7 +347,7 @@ impl MessageSink for Recording {
         time_ns: u64,
         message: &[u8],
     ) -> Result<RecordingState, RecordingError> {
-        if let Some(channel) = self.channels.get_mut(channel.index()) {
+        if let Some(Some(channel)) = self.channels.get_mut(channel.index()) {
             channel.kept = Some(message.to_vec());
         }
         self.write(channel, time_ns, message)
@@ -298,4 +362,25 @@ fn segment_path(path: &Path, number: u64) -> PathBuf {
         "{stem}-{number:04}.{}",
         extension.to_string_lossy()
     ))
+}
+
+/// Returns an existing file whose name is that of a segment.
+fn existing_segment(path: &Path) -> Option<PathBuf> {
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    // A folder that cannot be read is the error of the file that is created in it.
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut found: Vec<PathBuf> = entries
+        .filter_map(|entry| {
+            let name = entry.file_name();
+            let stem = Path::new(&name).file_stem()?.to_str()?;
+            let (_, number) = stem.rsplit_once('-')?;
+            let segment = segment_path(path, number.parse().ok()?);
+            (segment.file_name() == Some(&name)).then_some(segment)
+        })
+        .collect();
+    found.sort();
+    found.into_iter().next()
 }

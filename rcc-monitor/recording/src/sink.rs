@@ -36,6 +36,10 @@ pub trait MessageSink {
     /// expect one type on a topic: in a file, a topic of another type gets a number.
     fn channel(&mut self, wanted: ChannelInfo) -> ChannelId;
 
+    /// Says that the caller writes nothing more to these channels, unless it asks for them again: a recording without end
+    /// forgets them. Viewers keep theirs.
+    fn release(&mut self, _channels: &[ChannelId]) {}
+
     /// Attaches a text, to a file and to those that follow it.
     ///
     /// # Errors

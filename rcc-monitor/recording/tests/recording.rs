@@ -157,6 +157,119 @@ fn the_oldest_segments_are_removed_and_each_can_be_read_alone() {
 }
 
 #[test]
+fn a_segment_of_an_earlier_recording_is_refused_at_the_start() {
+    let folder = folder();
+    let path = folder.path().join("out.mcap");
+    let earlier = folder.path().join("out-0003.mcap");
+    std::fs::write(&earlier, "kept").expect("a file");
+    for other in ["out-3.mcap", "out-0001.json", "other-0001.mcap"] {
+        std::fs::write(folder.path().join(other), "").expect("a file");
+    }
+    let refused = Recording::create(options(&path, 1 << 20, WhenFull::RemoveOldest));
+    let error = refused.err().expect("an earlier recording").to_string();
+    assert!(
+        error.contains("out-0003.mcap: a segment of an earlier recording exists"),
+        "{error}"
+    );
+    assert_eq!(
+        std::fs::read_dir(folder.path()).expect("a folder").count(),
+        4
+    );
+    let one_file = Recording::create(options(&path, 1 << 20, WhenFull::Stop));
+    assert!(one_file.is_ok());
+    std::fs::remove_file(earlier).expect("removed");
+    assert!(Recording::create(options(&path, 1 << 20, WhenFull::RemoveOldest)).is_ok());
+}
+
+/// The text of a net with this hash, of this size.
+fn net_text(hash: &str, bytes: usize) -> AttachedText {
+    AttachedText {
+        name: format!("line-{hash}.yaml"),
+        media_type: "application/yaml".into(),
+        text: "x".repeat(bytes),
+    }
+}
+
+/// Returns the number of attached texts in a file.
+fn texts(path: &Path) -> usize {
+    let bytes = std::fs::read(path).expect("a file");
+    let found = mcap::Summary::read(&bytes)
+        .expect("MCAP")
+        .expect("an index");
+    found.attachment_indexes.len()
+}
+
+#[test]
+fn texts_never_fill_the_segments() {
+    let folder = folder();
+    let path = folder.path().join("out.mcap");
+    let options = options(&path, 8_000_000, WhenFull::RemoveOldest);
+    let mut recording = Recording::create(options).expect("new");
+    let cell = AttachedText {
+        name: "demo.yaml".into(),
+        media_type: "application/yaml".into(),
+        text: "x".repeat(5_000),
+    };
+    recording.attach(cell, 1).expect("written");
+    for net in 0..200 {
+        let text = net_text(&format!("{net:016x}"), 50_000);
+        recording.attach(text, 1).expect("written");
+    }
+    assert_eq!(fill(&mut recording, 1000), 1000);
+    let summary = recording.finish().expect("written");
+    assert_eq!(summary.removed, 0, "{summary:?}");
+    assert!(summary.files.len() <= 2, "{summary:?}");
+    let all = summary.files.iter().flat_map(|file| cycles(file).0);
+    assert_eq!(all.collect::<Vec<_>>(), (1..=1000).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_text_of_a_net_is_in_each_segment_with_its_messages_and_no_other() {
+    let folder = folder();
+    let path = folder.path().join("out.mcap");
+    let options = options(&path, 800_000, WhenFull::RemoveOldest);
+    let mut recording = Recording::create(options).expect("new");
+    let hash = "0123456789abcdef";
+    recording.attach(net_text(hash, 1000), 1).expect("written");
+    let mut info = ChannelInfo {
+        topic: "/nets/brief".into(),
+        schema: table().schema,
+        metadata: [("net_hash".to_owned(), hash.to_owned())].into(),
+    };
+    let brief = recording.channel(info.clone());
+    let mut out = CdrWriter::new();
+    table().encode(
+        TableKey {
+            cycle: 1,
+            command: 1,
+        },
+        &[1.0],
+        &mut out,
+    );
+    let write = |recording: &mut Recording, channel| {
+        let state = recording.write(channel, 1, out.bytes()).expect("written");
+        assert_eq!(state, RecordingState::Open);
+    };
+    write(&mut recording, brief);
+    fill(&mut recording, 4_000);
+    let summary = recording.summary();
+    let (last, older) = summary.files.split_last().expect("files");
+    assert!(older.len() > 2 && last.exists(), "{summary:?}");
+    assert_eq!(older.iter().map(|file| texts(file)).sum::<usize>(), 1);
+    // Its next message brings the text back, hours later.
+    write(&mut recording, brief);
+    recording.release(&[brief]);
+    fill(&mut recording, 8_000);
+    // A released channel is dropped with its text; its place is used again.
+    info.topic = "/nets/other".into();
+    assert_eq!(recording.channel(info), brief);
+    let summary = recording.finish().expect("written");
+    assert!(summary.removed > 0);
+    let last = summary.files.last().expect("a file");
+    assert_eq!(texts(last), 0);
+}
+
+#[test]
 fn a_full_disk_is_an_error_with_the_files_name() {
     let full = Recording::create(RecordingOptions {
         replace: true,

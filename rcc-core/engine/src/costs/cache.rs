@@ -93,22 +93,26 @@ fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()>
     let body = format!("{key}\n{}", costs.text());
     let text = format!("{body}end {:016x}\n", hash(&body));
     file::replace_shared(path, text.as_bytes(), Readers::Owner)?;
-    forget_oldest(folder)
+    forget_oldest(folder, path)
 }
 
-/// Deletes the oldest files, which belong to other builds.
-fn forget_oldest(folder: &Path) -> io::Result<()> {
-    let mut files: Vec<(SystemTime, PathBuf)> = fs::read_dir(folder)?
+/// Deletes the oldest files, which belong to other builds, but not `newest`, which was just written. Files dated in the
+/// future were written before the wall clock was set back: they count as the oldest.
+fn forget_oldest(folder: &Path, newest: &Path) -> io::Result<()> {
+    let now = SystemTime::now();
+    let mut files: Vec<(bool, SystemTime, PathBuf)> = fs::read_dir(folder)?
         .flatten()
         .filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX))
+        .filter(|entry| entry.path() != newest)
         .filter_map(|entry| Some((entry.metadata().ok()?.modified().ok()?, entry.path())))
+        .map(|(date, path)| (date <= now, date, path))
         .collect();
     files.sort();
-    let surplus = files.len().saturating_sub(FILES_MAX);
+    let surplus = files.len().saturating_sub(FILES_MAX - 1);
     files
         .iter()
         .take(surplus)
-        .try_for_each(|(_, path)| fs::remove_file(path))
+        .try_for_each(|(.., path)| fs::remove_file(path))
 }
 
 fn folder() -> Option<PathBuf> {
@@ -189,5 +193,23 @@ mod tests {
         let (_, origin) = costs_in(folder.path(), false);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), FILES_MAX);
         assert!(file(&origin).exists());
+    }
+
+    #[test]
+    fn the_file_just_written_stays_after_the_clock_was_set_back() {
+        let folder = rcc_testing::folder();
+        let future = SystemTime::now() + std::time::Duration::from_secs(9000);
+        let old = folder.path().join(format!("{PREFIX}old"));
+        fs::write(&old, "old").unwrap();
+        for number in 0..FILES_MAX {
+            let path = folder.path().join(format!("{PREFIX}{number:016x}"));
+            let other = fs::File::create(&path).unwrap();
+            other.set_modified(future).unwrap();
+        }
+        let (_, origin) = costs_in(folder.path(), false);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), FILES_MAX);
+        assert!(file(&origin).exists() && old.exists());
+        let (_, again) = costs_in(folder.path(), false);
+        assert!(matches!(again, CostsSource::Read(_)), "{again:?}");
     }
 }

@@ -39,6 +39,11 @@ impl RecordRing {
         self.words.len()
     }
 
+    /// Greatest number of cycles that it contains.
+    pub fn cycles_max(&self) -> usize {
+        self.starts.len()
+    }
+
     /// Words written since it was cleared.
     pub fn written(&self) -> u64 {
         self.written

@@ -47,9 +47,13 @@ impl Recorded {
     }
 
     fn of(models: Vec<DeviceModel>, memory: usize) -> Recorded {
+        Recorded::for_span(models, memory, 10_000_000_000)
+    }
+
+    fn for_span(models: Vec<DeviceModel>, memory: usize, span_ns: u64) -> Recorded {
         let fixture = EngineFixture::of_cell(models, CONFIGURATION, HOLD);
         let config = FlightRecorderConfig {
-            span_ns: 10_000_000_000,
+            span_ns,
             memory,
             period_ns: fixture.period_ns,
         };
@@ -301,6 +305,45 @@ fn a_fault_freezes_the_recording_and_a_burst_of_them_makes_one_more() {
     assert_eq!(tape.recording.trigger.others, 19);
     assert!(identical(&stage.replay(&tape.words), 0) > 0);
     assert!(stage.tape().is_none());
+}
+
+#[test]
+fn a_delayed_fault_is_in_its_recording_however_small_the_ring() {
+    // The shortest spans; then a ring that is full after about a second.
+    for (span_ns, memory) in [
+        (2_000_000_000, ROOM),
+        (1_000_000_000, ROOM),
+        (10_000_000_000, 1 << 18),
+    ] {
+        let mut stage = Recorded::for_span(vec![model()], memory, span_ns);
+        let fail = |stage: &mut Recorded| {
+            stage.fixture.driver.alive = true;
+            stage.fixture.steps(5);
+            let net = stage.load(output_net(0)).expect("a net");
+            stage.start(net);
+            stage.fixture.steps(5);
+            stage.fixture.driver.alive = false;
+            stage.fixture.steps(60);
+            assert_eq!(stage.fixture.reason(net), EndReason::Fault);
+        };
+        fail(&mut stage);
+        stage.fixture.steps(300);
+        let first = stage.tape().expect("an incident");
+        stage.give_back(first);
+        // Within the hold-off time after the first one.
+        stage.fixture.steps(600);
+        fail(&mut stage);
+        stage.fixture.steps(6000);
+        let tape = stage.tape().expect("another incident");
+        let found = rcc_engine::incident::overview(&tape.recording.ring);
+        let trigger = tape.recording.trigger;
+        assert!(
+            (found.first_cycle..=found.last_cycle).contains(&trigger.cycle),
+            "{span_ns} ns, {memory} bytes: {found:?}, {trigger:?}"
+        );
+        assert!(matches!(trigger.reason, TriggerReason::Fault { .. }));
+        stage.give_back(tape);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -23,12 +24,12 @@ struct Arguments {
     wipe: bool,
 }
 
-fn arguments() -> Option<Arguments> {
+fn arguments(given: impl IntoIterator<Item = OsString>) -> Option<Arguments> {
     let mut name = None;
     let mut runtime_dir = None;
     let mut state_dir = None;
     let mut wipe = false;
-    let mut given = std::env::args_os().skip(1);
+    let mut given = given.into_iter();
     while let Some(argument) = given.next() {
         match argument.to_str() {
             Some("--cell") => name = Some(given.next()?.into_string().ok()?),
@@ -37,6 +38,10 @@ fn arguments() -> Option<Arguments> {
             Some("--wipe") => wipe = true,
             _ => return None,
         }
+    }
+    // Alone it would be ignored: the runtime folder of a cell determines its state folder otherwise.
+    if state_dir.is_some() && runtime_dir.is_none() {
+        return None;
     }
     Some(Arguments {
         name: name?,
@@ -53,7 +58,7 @@ fn main() -> ExitCode {
         [one] if one == "--help" => return print(USAGE),
         _ => {}
     }
-    let Some(arguments) = arguments() else {
+    let Some(arguments) = arguments(std::env::args_os().skip(1)) else {
         remark(USAGE);
         return ExitCode::from(2);
     };
@@ -101,4 +106,20 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
     let report = clean::clean_as_janitor(&cell)?;
     events::log_cleaning(&cell, &report);
     Ok(serde_json::to_string(&report)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_folder_without_a_runtime_folder_is_refused() {
+        let read = |words: &str| arguments(words.split(' ').map(OsString::from));
+        let both = read("--cell demo --runtime-dir /run/x --state-dir /var/x --wipe");
+        let both = both.expect("valid");
+        assert_eq!(both.state_dir, Some(PathBuf::from("/var/x")));
+        assert!(both.wipe && read("--cell demo --runtime-dir /run/x").is_some());
+        assert!(read("--cell demo --state-dir /var/x").is_none());
+        assert!(read("--cell demo --state-dir").is_none() && read("--wipe").is_none());
+    }
 }

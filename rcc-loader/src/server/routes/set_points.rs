@@ -113,7 +113,10 @@ async fn read_lines(mut body: Body, lines: ClosingQueue) {
         };
         let bytes = match frame {
             Ok(Some(Ok(frame))) => frame.into_data().unwrap_or_default(),
-            Ok(None) => return push(lines, begun),
+            Ok(None) => {
+                push(lines, begun);
+                return;
+            }
             // The client is gone.
             Ok(Some(Err(_))) => return,
             Err(_) => return lines.fail(idle()),
@@ -121,7 +124,9 @@ async fn read_lines(mut body: Body, lines: ClosingQueue) {
         let mut parts = bytes.split(|byte| *byte == b'\n');
         begun.extend_from_slice(parts.next().unwrap_or_default());
         for part in parts {
-            push(lines, std::mem::replace(&mut begun, part.to_vec()));
+            if !push(lines, std::mem::replace(&mut begun, part.to_vec())) {
+                return;
+            }
         }
         if begun.len() > SET_TEXT_MAX {
             return lines.fail(too_long());
@@ -129,12 +134,16 @@ async fn read_lines(mut body: Body, lines: ClosingQueue) {
     }
 }
 
-fn push(lines: &LineQueue, line: Vec<u8>) {
+/// Adds a line; returns false if it is too long, which ends the channel: nothing after it may take effect.
+fn push(lines: &LineQueue, line: Vec<u8>) -> bool {
     if line.len() > SET_TEXT_MAX {
         lines.fail(too_long());
-    } else if !line.trim_ascii().is_empty() {
+        return false;
+    }
+    if !line.trim_ascii().is_empty() {
         lines.push(Bytes::from(line));
     }
+    true
 }
 
 fn too_long() -> ApiError {
@@ -151,4 +160,30 @@ fn idle() -> ApiError {
         format!("no line came for {CHANNEL_IDLE_MAX:?}"),
         "open the channel again when there are values",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the lines that a channel takes from a body.
+    fn taken(body: Vec<u8>) -> Vec<Vec<u8>> {
+        let lines = Arc::new(LineQueue::default());
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .build();
+        let reading = read_lines(Body::from(body), ClosingQueue(Arc::clone(&lines)));
+        runtime.expect("a runtime").block_on(reading);
+        lines.lines()
+    }
+
+    #[test]
+    fn nothing_after_a_line_that_is_too_long_takes_effect() {
+        let set = b"{\"speed\":0.2}\n";
+        assert_eq!(taken(set.to_vec()), [b"{\"speed\":0.2}"]);
+        let mut body = vec![b'x'; 70_000];
+        body.push(b'\n');
+        body.extend(set);
+        assert!(taken(body).is_empty());
+    }
 }

@@ -233,9 +233,12 @@ impl LineQueue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a line; a full queue drops its oldest one.
+    /// Adds a line; a full queue drops its oldest one, and a closed one takes none.
     pub fn push(&self, line: Bytes) {
         let mut state = self.state();
+        if state.is_closed {
+            return;
+        }
         if state.lines.len() >= LINES_MAX {
             state.lines.pop_front();
             state.before += 1;
@@ -265,6 +268,16 @@ impl LineQueue {
 
     fn failure(&self) -> Option<ApiError> {
         self.state().failure.take()
+    }
+
+    /// Takes the lines that are there.
+    #[cfg(test)]
+    pub fn lines(&self) -> Vec<Vec<u8>> {
+        let batch = self.take().into_iter();
+        batch
+            .flat_map(|batch| batch.lines)
+            .map(|line| line.to_vec())
+            .collect()
     }
 
     /// Waits for lines and takes all of them; `None` at the end.
@@ -315,6 +328,16 @@ mod tests {
             (0..SET_MAX as u32).map(|input| value(input, 1)).collect(),
         );
         assert!(newest.has_room_for(&[]) && !newest.has_room_for(&[value(0, 2)]));
+    }
+
+    #[test]
+    fn a_closed_queue_takes_no_line() {
+        let queue = LineQueue::default();
+        queue.push("1".into());
+        queue.close();
+        queue.push("2".into());
+        assert_eq!(queue.lines(), [b"1"]);
+        assert!(queue.take().is_none());
     }
 
     #[test]
