@@ -47,6 +47,23 @@ fn a_sweep_removes_what_does_not_exist_and_nothing_young() -> Result<(), StoreEr
 }
 
 #[test]
+fn a_file_of_a_clock_that_was_set_back_since_does_not_stay_for_ever() {
+    let folder = rcc_testing::folder();
+    let path = folder.path().join("file");
+    let file = fs::File::create(&path).expect("a file");
+    let (now, age) = (SystemTime::now(), Duration::from_secs(3600));
+    for (modified, older) in [
+        (now, false),
+        (now - 2 * age, true),
+        (now + age / 2, false),
+        (now + 2 * age, true),
+    ] {
+        file.set_modified(modified).expect("a date");
+        assert_eq!(is_older(&path, age), older, "{modified:?}, now {now:?}");
+    }
+}
+
+#[test]
 fn folders_of_dead_executors_go() -> Result<(), StoreError> {
     let (store, _folder) = store();
     store.write(&command(1))?;
