@@ -97,7 +97,7 @@ fn a_net_moves_the_joints_within_the_window_of_the_drives() {
     assert_eq!(positions(&mut line), [0, 0]);
     let power = enable(&cell);
     assert_eq!(positions(&mut line), [0, 0], "enabling moves nothing");
-    let id = cell.run(&to(0.4, -0.3, 0.3));
+    let id = cell.run(&to(0.4, -0.3, 0.15));
     await_some("the end of the motion", || {
         for drive in drives(&mut line) {
             let at = |key: &str| drive[key].as_i64().expect("counts");
@@ -166,7 +166,7 @@ fn a_fault_stops_all_drives_and_only_a_new_start_resets_it() {
     assert_eq!(drives(&mut line)[1]["state"], "fault");
     enable(&cell);
     assert_eq!(positions(&mut line), rest);
-    let id = cell.run(&to(0.0, 0.0, 0.5));
+    let id = cell.run(&to(0.0, 0.0, 0.15));
     cell.assert_ends(id, "finished");
     cell.stop();
 }
@@ -191,7 +191,7 @@ fn the_drives_brake_by_themselves_when_the_driver_is_killed() {
     assert_eq!(positions(&mut line), rest, "nothing moves by itself");
     enable(&cell);
     assert_eq!(positions(&mut line), rest);
-    let id = cell.run(&to(0.0, 0.2, 0.5));
+    let id = cell.run(&to(0.0, 0.2, 0.15));
     cell.assert_ends(id, "finished");
     cell.stop();
 }
@@ -270,7 +270,7 @@ fn with_distributed_clocks_the_exchanges_follow_the_first_drive_and_the_cycles_t
         (watch.status().clock.state == ClockState::Locked as u32).then_some(())
     });
     let power = enable(&cell);
-    let id = cell.run(&to(0.2, 0.1, 0.3));
+    let id = cell.run(&to(0.2, 0.1, 0.15));
     cell.assert_ends(id, "finished");
     await_some("clocks that agree", || {
         let state = line.state();
@@ -336,7 +336,7 @@ primitives:
   cancel: {{type: Cancel}}
   move:
     type: JointMotion
-    parameters: {{device: gantry, to: [{carriage}, {slide}], scale: 0.8}}
+    parameters: {{device: gantry, to: [{carriage}, {slide}], scale: 0.2}}
     inputs: {{stop: cancel.requested}}
   robot: {{type: JointPositionCommand, parameters: {{device: gantry}}, inputs: {{position: move.joints}}}}
   state: {{type: JointState, parameters: {{device: gantry}}}}

@@ -4,7 +4,7 @@
 //!
 //! The values of a cycle are sent with the next exchange. A lost exchange gives no values; after `lost_after` of them in a row
 //! the device is lost, and the line gets the safe values. With drives a lost exchange is a pause: the host gives the next
-//! exchange the set-points of the time that has passed.
+//! exchange the set-points of the time that has passed. If their way is too long for one period, `axes` stops the drives.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -80,11 +80,13 @@ impl Driver for Ethercat {
                 unlike.join(", ")
             );
         }
+        let period_s = settings.period.as_secs_f64();
+        let way_max = device.model().limits.velocity_max.map(|v| v * period_s);
         let command_timeout = Duration::from_nanos(device.command_timeout_ns);
         Ok(Ethercat {
             counters: Arc::new(LineCounters::new(&settings)),
             silence_max: command_timeout.max(5 * settings.period),
-            axes: Axes::new(settings.axes.clone(), points.enable()),
+            axes: Axes::new(settings.axes.clone(), way_max, points.enable()),
             settings,
             points,
             line: None,

@@ -19,6 +19,10 @@ const ENABLE_MAX_NS: u64 = 5_000_000_000;
 /// Longest time for the reset of a fault, ns.
 const RESET_MAX_NS: u64 = 1_000_000_000;
 
+/// Largest change of a target with one set-point, in periods at the velocity limit. 0x60C2 tells the drive to make it in one
+/// period. Up to two are usual: two set-points between two frames, or a period that this machine has left out.
+const STEP_PERIODS: f64 = 3.0;
+
 /// A drive as the last exchange showed it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveStatus {
@@ -53,6 +57,8 @@ enum Permission {
 #[derive(Clone, Debug)]
 pub struct Axes {
     settings: Vec<AxisSettings>,
+    /// Largest change of a target with one set-point, rad (m for a linear axis).
+    step_max: Joints,
     /// Index of the digital output that permits enabling.
     enable: Option<u32>,
     drives: [DriveStatus; JOINTS_MAX],
@@ -66,11 +72,13 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Returns axes without permission.
+    /// Returns axes without permission; `way_max` is the way of each in one period at its velocity limit, rad (m for a linear
+    /// axis).
     #[must_use]
-    pub fn new(settings: Vec<AxisSettings>, enable: Option<u32>) -> Axes {
+    pub fn new(settings: Vec<AxisSettings>, way_max: Joints, enable: Option<u32>) -> Axes {
         Axes {
             settings,
+            step_max: way_max.map(|way| STEP_PERIODS * way),
             enable,
             drives: [DriveStatus::default(); JOINTS_MAX],
             permission: Permission::Denied {
@@ -113,6 +121,14 @@ impl Axes {
             target: None,
             ..drive
         });
+    }
+
+    /// The set-points of several periods came at once.
+    fn lose_late(&mut self) {
+        self.lose();
+        if let Permission::Denied { reason } = &mut self.permission {
+            *reason = reasons::LATE;
+        }
     }
 
     /// The driver ends: the drives are switched off.
@@ -241,18 +257,32 @@ impl Axes {
     }
 
     /// Takes set-points, rad. The first ones must be where the drives hold the joints, within the windows of their following
-    /// errors; the host bounds the way between the others. Anything else ends the permission.
+    /// errors; the way between the others is that of a few periods at most. The host plays the time of lost exchanges, and of
+    /// its own absence, in one step: the drives would make it in one period. Anything else ends the permission.
     fn follow(&mut self, position: &Joints) {
-        let rows = || self.settings.iter().zip(&self.drives).zip(position);
-        let fits = rows().all(|((settings, drive), position)| {
+        let (mut fits, mut are_numbers) = (true, true);
+        let rows = self.settings.iter().zip(&self.drives);
+        for ((settings, drive), (position, step_max)) in
+            rows.zip(position.iter().zip(self.step_max))
+        {
             let hold = settings.to_position(drive.target.unwrap_or(drive.actual));
-            let is_near = (position - hold).abs() <= settings.following_window;
-            position.is_finite() && (self.followed || is_near)
-        });
-        if !fits {
-            self.permission = Permission::Denied {
-                reason: reasons::JUMP,
+            let most = match self.followed {
+                // A target is rounded to counts.
+                true => step_max + settings.counts_per_unit.abs().recip(),
+                false => settings.following_window,
             };
+            fits &= (position - hold).abs() <= most;
+            are_numbers &= position.is_finite();
+        }
+        if !fits {
+            match self.followed && are_numbers {
+                true => self.lose_late(),
+                false => {
+                    self.permission = Permission::Denied {
+                        reason: reasons::JUMP,
+                    };
+                }
+            }
             return;
         }
         self.followed = true;

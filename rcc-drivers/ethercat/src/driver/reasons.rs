@@ -35,6 +35,9 @@ pub const JUMP: u32 = 113;
 /// The driver is ending.
 pub const RELEASED: u32 = 114;
 
+/// A set-point is further from the one before than a drive moves in some periods.
+pub const LATE: u32 = 115;
+
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
     (
@@ -90,6 +93,10 @@ pub const REASONS: &[Reason] = &[
     (
         RELEASED,
         "the driver has switched the drives off and is ending",
+    ),
+    (
+        LATE,
+        "the driver was away for several periods while the drives moved, or exchanges were lost: the drives were stopped, since the way of these periods cannot be made up for in one; check the load of this machine and the line, then switch the output with the address `axes enable` off and on",
     ),
 ];
 

@@ -21,6 +21,7 @@ mod measurement;
 mod net_start;
 mod phase;
 mod playback;
+mod stop;
 #[cfg(test)]
 mod tests;
 

@@ -2,12 +2,15 @@
 //! starts or ends.
 //! Pure; run by the host's thread.
 //!
-//! Within a net, the guard bounds the rate of change of the stiffness. When a net starts or ends, this ramp does: it
-//! moves from the present to the required impedance along a straight line, in the time that the configured rate needs
-//! for the largest change. When released, an arm keeps its stiffness and damping, which hold it where it is, and loses
+//! Within a net, the guard bounds the rate of change of the stiffness. When a net starts or ends, this ramp does: each
+//! element moves towards its required value, which may change meanwhile, by at most the configured rate, until all have
+//! reached it. When released, an arm keeps its stiffness and damping, which hold it where it is, and loses
 //! the added force.
 
 use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
+
+/// Relative tolerance of one step: steps are added up with rounding errors.
+const STEP_TOLERANCE: f64 = 1e-9;
 
 /// Ramp between the impedances of successive nets, for one arm.
 #[derive(Clone, Debug)]
@@ -21,10 +24,8 @@ pub struct ImpedanceRamp {
     sent: Impedance,
     /// Last impedance of the last net, without its added force.
     hold_target: Impedance,
-    /// Impedance at which the present ramp started.
-    from: Impedance,
-    duration_s: f64,
-    elapsed_s: f64,
+    /// The impedance has not reached that of the net yet.
+    is_ramping: bool,
 }
 
 impl ImpedanceRamp {
@@ -37,9 +38,7 @@ impl ImpedanceRamp {
             owner: 0,
             sent: Impedance::NONE,
             hold_target: Impedance::NONE,
-            from: Impedance::NONE,
-            duration_s: 0.0,
-            elapsed_s: 0.0,
+            is_ramping: false,
         }
     }
 
@@ -50,7 +49,7 @@ impl ImpedanceRamp {
             .map(|limits| limits.default_hold(strategy, self.joints));
         let holding = holding.unwrap_or(Impedance::NONE);
         (self.owner, self.sent, self.hold_target) = (0, holding, holding);
-        (self.duration_s, self.elapsed_s) = (0.0, 0.0);
+        self.is_ramping = false;
     }
 
     /// Returns the impedance of one exchange, `dt_s` (s) after the last, with a device in mode `strategy`; `commanded`
@@ -70,57 +69,47 @@ impl ImpedanceRamp {
             None => (0, self.hold_target),
         };
         if owner != self.owner {
-            (self.owner, self.from, self.elapsed_s) = (owner, self.sent, 0.0);
-            self.duration_s = self.duration(strategy, &goal);
+            (self.owner, self.is_ramping) = (owner, true);
         }
-        self.elapsed_s += dt_s;
         self.hold_target = Impedance {
             added: Impedance::NONE.added,
             ..goal
         };
-        self.sent = if self.elapsed_s < self.duration_s {
-            mixed(&self.from, &goal, self.elapsed_s / self.duration_s)
-        } else {
-            goal
+        self.sent = match self.limits {
+            Some(limits) if self.is_ramping => self.towards(&goal, &limits, dt_s),
+            _ => goal,
         };
+        self.is_ramping &= self.sent != goal;
         self.sent
     }
 
-    /// Returns the duration of the ramp from the present impedance to `goal`, s.
-    fn duration(&self, strategy: ControlMode, goal: &Impedance) -> f64 {
-        let Some(limits) = self.limits else {
-            return 0.0;
-        };
-        let mut part = 0.0_f64;
+    /// Returns the impedance after one step of `dt_s` (s) towards `goal`. Both are within the limits, and so is every value
+    /// between them.
+    fn towards(&self, goal: &Impedance, limits: &ImpedanceLimits, dt_s: f64) -> Impedance {
+        let mut next = *goal;
+        let part = limits.rate * dt_s;
+        let strategy = ControlMode::from_number(goal.strategy).unwrap_or(ControlMode::Position);
         for element in 0..ImpedanceLimits::elements(strategy, self.joints) {
             let of = limits.of(strategy, element);
-            for (from, to, most) in [
-                (&self.sent.stiffness, &goal.stiffness, of.stiffness[1]),
-                (&self.sent.damping, &goal.damping, of.damping[1]),
-                (&self.sent.added, &goal.added, of.added),
+            for (place, from, most) in [
+                (&mut next.stiffness, &self.sent.stiffness, of.stiffness[1]),
+                (&mut next.damping, &self.sent.damping, of.damping[1]),
+                (&mut next.added, &self.sent.added, of.added),
             ] {
-                part = part.max((to[element] - from[element]).abs() / most);
+                place[element] = stepped(from[element], place[element], part * most);
             }
         }
-        part / limits.rate
+        next
     }
 }
 
-/// Interpolates linearly from `from` (part 0) to `to` (part 1). Both are within the limits, and so is every value
-/// between them.
-fn mixed(from: &Impedance, to: &Impedance, part: f64) -> Impedance {
-    let mix = |from: &[f64; 8], to: &[f64; 8]| {
-        let mut mix = *to;
-        for (place, from) in mix.iter_mut().zip(from) {
-            *place = from + part * (*place - from);
-        }
-        mix
-    };
-    Impedance {
-        strategy: to.strategy,
-        stiffness: mix(&from.stiffness, &to.stiffness),
-        damping: mix(&from.damping, &to.damping),
-        added: mix(&from.added, &to.added),
+/// Moves from `from` towards `to` by at most `most`.
+fn stepped(from: f64, to: f64, most: f64) -> f64 {
+    let way = to - from;
+    if way.abs() <= most * (1.0 + STEP_TOLERANCE) {
+        to
+    } else {
+        from + most.copysign(way)
     }
 }
 
@@ -180,6 +169,37 @@ mod tests {
             (sent[199].added, sent[199].stiffness),
             ([0.0; 8], other.stiffness)
         );
+    }
+
+    /// The guard permits a net to change its stiffness by 10 N/m in each step.
+    #[test]
+    fn a_net_that_changes_its_stiffness_while_it_begins_or_ends_stays_within_the_rate() {
+        for change in [10.0, -10.0] {
+            let (mut impedance_ramp, mut asked) = (holding(), soft());
+            asked.stiffness[2] = if change > 0.0 { 100.0 } else { 4900.0 };
+            let mut last = LIMITS.default_hold(CARTESIAN, 7);
+            for step in 0..600 {
+                let owner = if step < 300 { 1 } else { 2 };
+                let sent = impedance_ramp.next(CARTESIAN, Some((owner, &asked)), DT_S);
+                let stiffness = sent.stiffness[2] - last.stiffness[2];
+                let added = sent.added[2] - last.added[2];
+                assert!(stiffness.abs() <= 10.0 + 1e-6, "{step}: {stiffness}");
+                assert!(added.abs() <= 0.1 + 1e-9, "{step}: {added}");
+                last = sent;
+                // At last the stiffness is constant.
+                if step < 400 {
+                    asked.stiffness[2] += change;
+                }
+                if step == 299 {
+                    // Another net begins somewhere else.
+                    asked.stiffness[2] = 2500.0;
+                }
+            }
+            (0..500).for_each(|_| {
+                last = impedance_ramp.next(CARTESIAN, Some((2, &asked)), DT_S);
+            });
+            assert_eq!(last, asked);
+        }
     }
 
     #[test]

@@ -1,11 +1,12 @@
-//! Blends the small step, allowed by the tolerance, between the hold position and a net's first set-point.
+//! Blends the small step, allowed by the tolerance, between the hold position and a net's first set-point. The arm follows
+//! the blend as far as the set-points leave it room (`tracking_offset`).
 //! Pure; run by the host's thread.
 
 use rcc_core::message::{JOINTS_MAX, Joints};
 
 use super::limits::ArmLimits;
 
-/// Share of each limit that the blend may use; the rest is left to the net.
+/// Share of each limit that the blend uses at most: a smooth start, with room for set-points that move.
 const SHARE: f64 = 0.1;
 /// Largest |ẇ|, |ẅ|, |w⃛| of the quintic w(x) = 1 − 10x³ + 15x⁴ − 6x⁵ on 0..1.
 const PEAKS: [f64; 3] = [1.875, 5.773_502_7, 60.0];

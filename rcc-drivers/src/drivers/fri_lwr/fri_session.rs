@@ -320,9 +320,13 @@ impl FriSession {
         }
         if let Some(handshake) = self.settings.krl.handshake() {
             let default = handshake.needs_strategy.then_some(ControlMode::Position);
+            let is_poor = self.measured.quality < self.settings.quality_min;
+            // In command state a poor connection only keeps nets from starting: `Present` would end it while the arm may
+            // move, since it is the same integer as `Stop` for some programs. The controller itself leaves it if need be.
+            let is_commanding = self.measured.state == SessionState::Command;
             let request = match () {
                 () if self.releasing => ModeRequest::Stop,
-                () if self.measured.quality < self.settings.quality_min => ModeRequest::Present,
+                () if is_poor && !is_commanding => ModeRequest::Present,
                 () => ModeRequest::Start,
             };
             handshake.write(&mut krl, request, self.settings.strategy.or(default));

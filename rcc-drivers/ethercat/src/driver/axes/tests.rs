@@ -48,7 +48,7 @@ impl Bench {
             outputs: vec![0; 6],
         };
         let mut bench = Bench {
-            axes: Axes::new(vec![axis(0), axis(1)], enable),
+            axes: Axes::new(vec![axis(0), axis(1)], [1e-3; JOINTS_MAX], enable),
             drives: [Drive::new(100_000), Drive::new(-7)],
             image: [image(), image()],
             now: Duration::ZERO,
@@ -117,6 +117,18 @@ impl Bench {
         [self.drives[0].state(), self.drives[1].state()]
     }
 
+    fn enabled_by(enable: Option<u32>) -> Bench {
+        match enable {
+            Some(_) => Bench::enabled(enable),
+            None => {
+                let mut bench = Bench::new(None);
+                bench.hold(false, 10);
+                assert_eq!(bench.axes.reason(), 0, "{:?}", bench.states());
+                bench
+            }
+        }
+    }
+
     fn enabled(enable: Option<u32>) -> Bench {
         let mut bench = Bench::new(enable);
         bench.hold(false, 5);
@@ -179,6 +191,50 @@ fn a_first_set_point_that_is_elsewhere_stops_the_drives() {
     let mut bench = Bench::enabled(Some(ENABLE));
     bench.run(f64::NAN, 1);
     assert_eq!(bench.axes.reason(), reasons::JUMP);
+}
+
+/// The host was away for 40 ms at 1 rad/s and plays their set-points at once.
+#[test]
+fn the_way_of_many_periods_is_not_made_in_one() {
+    for enable in [Some(ENABLE), None] {
+        let mut bench = Bench::enabled_by(enable);
+        bench.run(1e-3, 200);
+        let targets = |bench: &Bench| {
+            let targets = bench.image.each_ref();
+            targets.map(|image| i32::from_le_bytes(bytes(&image.outputs, 2)))
+        };
+        let before = targets(&bench);
+        // Two set-points between two frames, and one period left out: followed.
+        bench.run(3e-3, 1);
+        assert_eq!(targets(&bench), before.map(|target| target + 3_000));
+        assert_eq!(bench.axes.reason(), 0);
+        bench.run(0.04, 1);
+        let reason = match enable {
+            Some(_) => reasons::LATE,
+            None => reasons::DRIVES_ENABLING,
+        };
+        assert_eq!(bench.axes.reason(), reason);
+        // Not a target ahead: the drive is told its own position, and to make a quick stop.
+        for (target, before) in targets(&bench).into_iter().zip(before) {
+            assert!(target <= before + 3_000, "{target} {before}");
+        }
+        bench.hold(true, 1);
+        assert_eq!(bench.states(), [DriveState::QuickStopActive; 2]);
+        bench.hold(true, 600);
+        // Only a new edge enables them again, as after a loss of the line.
+        let states = if enable.is_some() { OFF } else { ON };
+        assert_eq!(bench.states(), states);
+    }
+}
+
+#[test]
+fn a_pause_at_rest_stops_nothing() {
+    let mut bench = Bench::enabled(Some(ENABLE));
+    bench.run(1e-3, 200);
+    bench.hold(true, 1);
+    bench.now += 40 * PERIOD;
+    bench.hold(true, 1);
+    assert_eq!((bench.states(), bench.axes.reason()), (ON, 0));
 }
 
 #[test]

@@ -16,15 +16,12 @@
 //! | `Stopping` | the arm is at rest | `Holding` |
 
 use rcc_core::message::{Joints, SetPoint};
-use rcc_motion::StopTrajectory;
 
 use super::DeviceSession;
 use super::playback::{PlayEnd, Playback, PlaybackContext, comes_to_rest};
+use super::stop::Stop;
 use crate::driver::Exchange;
 use crate::host::reason;
-
-/// Most device periods per step of a stop; a device that is away for longer is not commandable.
-const TICKS_MAX: u64 = 64;
 
 /// Present activity of a device.
 #[derive(Clone, Debug)]
@@ -44,7 +41,7 @@ pub(super) enum SessionPhase {
     /// Follows the set-points of a net.
     Following(Playback),
     /// Coming to rest.
-    Stopping(StopTrajectory),
+    Stopping(Stop),
 }
 
 impl SessionPhase {
@@ -175,23 +172,19 @@ impl DeviceSession {
         let SessionPhase::Following(playback) = &self.phase else {
             return;
         };
-        let trajectory = playback.stop_trajectory(&self.settings.limits, self.period_s);
+        let stop = playback.stop(&self.settings.limits, self.period_s);
         self.reason = why;
         self.refuse_newest_owner(why);
         // Only values that are not finite are refused, and those are never sent.
-        self.phase = trajectory.map_or(SessionPhase::Holding, SessionPhase::Stopping);
+        self.phase = stop.map_or(SessionPhase::Holding, SessionPhase::Stopping);
     }
 
     /// Advances the stop by one exchange.
     pub(super) fn step_to_rest(&mut self, exchange: &Exchange) {
-        let SessionPhase::Stopping(trajectory) = &mut self.phase else {
+        let SessionPhase::Stopping(stop) = &mut self.phase else {
             return;
         };
-        let mut step = trajectory.step();
-        for _ in 1..exchange.ticks.min(TICKS_MAX) {
-            step = trajectory.step();
-        }
-        let (position, resting) = step;
+        let (position, resting) = stop.advance(exchange);
         self.position = position;
         if resting {
             self.phase = SessionPhase::Holding;

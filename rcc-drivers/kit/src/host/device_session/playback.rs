@@ -8,14 +8,14 @@ use std::ops::RangeInclusive;
 use rcc_core::guard::{Guard, SLOW, Violation};
 use rcc_core::impedance::Impedance;
 use rcc_core::message::{Joints, SetPoint};
-use rcc_motion::StopTrajectory;
 
+use super::stop::Stop;
 use super::{PlaybackCounts, SessionSettings};
 use crate::driver::Exchange;
 use crate::host::limits::ArmLimits;
 use crate::host::playback_rate::JointMotion;
 use crate::host::set_point_buffer::{BUFFER_LENGTH, SetPointBuffer};
-use crate::host::start_blend::StartBlend;
+use crate::host::tracking_offset::{OffsetStep, TrackingOffset};
 
 mod delayed;
 mod lockstep;
@@ -97,7 +97,8 @@ struct FollowedNet {
     guard: Guard,
     sent: SentSetPoint,
     pointer: PlaybackPointer,
-    start_blend: StartBlend,
+    /// Of the arm from its set-points.
+    offset: TrackingOffset,
 }
 
 /// The last position sent, with its velocity and acceleration as mean values over the last periods.
@@ -109,12 +110,17 @@ struct SentSetPoint {
 }
 
 impl SentSetPoint {
+    /// Returns the time between the middles of the last period and of the next one of `dt_s`, s: that of a change from one
+    /// mean velocity to the other, as the guard computes it.
+    fn between_s(&self, dt_s: f64) -> f64 {
+        match self.dt_s > 0.0 {
+            true => 0.5 * (dt_s + self.dt_s),
+            false => dt_s,
+        }
+    }
+
     fn then(&self, position: Joints, dt_s: f64) -> Self {
-        let between_s = if self.dt_s > 0.0 {
-            0.5 * (dt_s + self.dt_s)
-        } else {
-            dt_s
-        };
+        let between_s = self.between_s(dt_s);
         let mut motion = JointMotion::default();
         for (joint, now) in position.iter().enumerate() {
             motion.velocity[joint] = (now - self.position[joint]) / dt_s;
@@ -161,6 +167,19 @@ pub(super) fn comes_to_rest(buffer: &SetPointBuffer, entry: u64, limits: &ArmLim
 }
 
 impl FollowedNet {
+    /// Returns the position to send for a set-point `dt_s` (s) after the last position, both rad: with the offset, which
+    /// advances.
+    fn with_offset(&mut self, set_point: &Joints, dt_s: f64, limits: &ArmLimits) -> Joints {
+        let step = OffsetStep {
+            set_point,
+            sent_position: &self.sent.position,
+            sent_velocity: &self.sent.motion.velocity,
+            dt_s,
+            between_s: self.sent.between_s(dt_s),
+        };
+        self.offset.advance(&step, &limits.joints)
+    }
+
     /// Checks a position (rad) and the impedance of a set-point against the limits, and against those sent before; `old`
     /// is the cycle of the pointer before this exchange. The impedance is checked in logical time, regardless of the
     /// pointer's speed.
@@ -209,6 +228,12 @@ impl Playback {
         *context.outputs = *entry;
         let mode = if settings.is_lockstep(context.buffer, context.exchange) {
             lockstep::skip_to_newest(&mut pointer, context);
+            let skipped = pointer.cycle - first;
+            if skipped > 0 {
+                // The next set-point is compared with the newest one, not with the first.
+                let dt_s = skipped as f64 * context.executor_period_s();
+                guard.check_impedance(&context.outputs.impedance, strategy, dt_s)?;
+            }
             PlaybackMode::Lockstep(LockstepPlayback::NEW)
         } else {
             PlaybackMode::Delayed(DelayedPlayback::NEW)
@@ -221,7 +246,7 @@ impl Playback {
                     ..SentSetPoint::default()
                 },
                 pointer,
-                start_blend: StartBlend::new(hold, &entry.position, &settings.limits),
+                offset: TrackingOffset::new(hold, &entry.position, &settings.limits),
             },
             mode,
         })
@@ -249,27 +274,19 @@ impl Playback {
 
     /// Returns true if the arm may be sent to `last` (rad), the last set-point of the net, as its last step.
     pub(super) fn may_end_at(&mut self, last: &Joints, dt_s: f64) -> bool {
-        self.net.start_blend.is_over() && self.net.guard.check(last, dt_s).is_ok()
+        self.net.offset.has_blended() && self.net.guard.check(last, dt_s).is_ok()
     }
 
-    /// Returns the stop trajectory from the motion of the last set-points, in steps of `period_s` (s); `None` if a value is
-    /// not finite.
-    pub(super) fn stop_trajectory(
-        &self,
-        limits: &ArmLimits,
-        period_s: f64,
-    ) -> Option<StopTrajectory> {
+    /// Returns the stop from the motion of the last set-points, for exchanges of `period_s` (s); `None` if a value is not
+    /// finite.
+    pub(super) fn stop(&self, limits: &ArmLimits, period_s: f64) -> Option<Stop> {
         let SentSetPoint {
             position,
             motion,
             dt_s,
-        } = &self.net.sent;
+        } = self.net.sent;
         let limits = limits.rest();
-        let motion = motion.at_its_end(*dt_s, &limits);
-        let mut trajectory = StopTrajectory::new(limits, period_s).ok()?;
-        trajectory
-            .begin(position, &motion.velocity, &motion.acceleration)
-            .ok()?;
-        Some(trajectory)
+        let motion = motion.at_its_end(dt_s, &limits);
+        Stop::new(limits, (position, motion), period_s)
     }
 }

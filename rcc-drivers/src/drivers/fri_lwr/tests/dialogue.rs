@@ -73,6 +73,48 @@ fn driver_and_program_agree_by_each_convention_and_the_strategy_is_the_one_asked
     }
 }
 
+/// For `centro` the integer of `Present` is that of `Stop`.
+#[test]
+fn a_connection_that_becomes_poor_does_not_end_command_mode() {
+    for (krl, start) in [
+        (KrlConvention::FirstApp, 10),
+        (KrlConvention::Stanford, 10),
+        (KrlConvention::Centro, 1),
+    ] {
+        let settings = SessionSettings {
+            krl,
+            ..SessionSettings::default()
+        };
+        let mut session = session_with(&lwr(), settings);
+        let place = krl.handshake().expect("it has requests").request - 1;
+        let mut request_after = |sequence, quality, state| {
+            let datagram = MeasurementDatagram {
+                quality,
+                state,
+                ..measurement(sequence)
+            };
+            session.accept(&datagram.encode());
+            let answer = session.answer(&Outputs::NONE);
+            CommandDatagram::decode(&answer)
+                .expect("our own bytes")
+                .krl
+                .integers[place]
+        };
+        for sequence in 1..=5 {
+            request_after(sequence, Quality::Perfect, SessionState::Command);
+        }
+        let qualities = [Quality::Bad, Quality::Unacceptable, Quality::Perfect];
+        for (quality, sequence) in qualities.into_iter().zip(6..) {
+            let request = request_after(sequence, quality, SessionState::Command);
+            assert_eq!(request, start, "{krl:?} {quality:?}");
+        }
+        // The second datagram confirms that the controller has left command state.
+        request_after(10, Quality::Bad, SessionState::Monitor);
+        let request = request_after(11, Quality::Bad, SessionState::Monitor);
+        assert_ne!(request, start, "{krl:?}");
+    }
+}
+
 #[test]
 fn a_header_that_is_not_filled_in_is_accepted_only_if_the_settings_say_so() {
     let mut bytes = measurement(1).encode();

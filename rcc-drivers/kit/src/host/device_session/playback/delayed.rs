@@ -58,10 +58,8 @@ impl DelayedPlayback {
                 *from += net.pointer.fraction * (to - *from);
             }
         }
-        net.start_blend.advance(context.exchange.dt_s());
-        for (position, offset) in position.iter_mut().zip(net.start_blend.at()) {
-            *position += offset;
-        }
+        let limits = &context.settings.limits;
+        let position = net.with_offset(&position, context.exchange.dt_s(), limits);
         net.check(&position, &entry.impedance, old, context)?;
         *context.outputs = *entry;
         Ok(position)

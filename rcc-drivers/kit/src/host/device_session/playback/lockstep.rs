@@ -10,9 +10,8 @@ use rcc_core::message::{JOINTS_MAX, Joints};
 
 use super::{FollowedNet, PlayEnd, PlaybackContext, PlaybackPointer, SentSetPoint};
 use crate::driver::Exchange;
-use crate::host::playback_rate::JointMotion;
+use crate::host::limits::ArmLimits;
 use crate::host::set_point_buffer::BUFFER_LENGTH;
-use crate::host::tracking_offset::TrackingOffset;
 
 /// Longest bridge, as a time and in device periods: beyond both, the arm comes to rest. The time equals the default
 /// delay with two clocks.
@@ -20,25 +19,19 @@ const BRIDGE_MAX_S: f64 = 10e-3;
 const BRIDGE_MAX_PERIODS: u64 = 2;
 /// Share of the acceleration limit that the first step of a resynchronisation may use.
 const RESYNC_SHARE: f64 = 0.9;
-/// Share of the acceleration left by the set-points that the decay of the offset may use.
-const SHARE: f64 = 0.5;
 /// Factor by which the extrapolated acceleration decreases with each further period of a bridge.
 const FADE: f64 = 0.5;
 
 /// State of a playback in lockstep.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LockstepPlayback {
-    tracking_offset: TrackingOffset,
     /// Number of consecutive device periods without a new set-point.
     bridged: u64,
 }
 
 impl LockstepPlayback {
     /// The beginning of a net.
-    pub(super) const NEW: LockstepPlayback = LockstepPlayback {
-        tracking_offset: TrackingOffset::NONE,
-        bridged: 0,
-    };
+    pub(super) const NEW: LockstepPlayback = LockstepPlayback { bridged: 0 };
 
     /// Advances by one exchange; returns the position to send, rad.
     pub(super) fn step(
@@ -50,9 +43,7 @@ impl LockstepPlayback {
         let old = net.pointer.cycle;
         let newest = buffer.newest();
         context.check_commanded(old + 1..=newest)?;
-        net.start_blend.advance(exchange.dt_s());
-        self.tracking_offset
-            .advance(exchange.dt_s(), &acceleration_reserve(newest, context));
+        let limits = &context.settings.limits;
         let position = if newest > old {
             let entry = buffer.commanded(newest).ok_or(PlayEnd::Lost)?;
             let regular = self.is_regular(newest - old, context);
@@ -62,13 +53,11 @@ impl LockstepPlayback {
             };
             self.bridged = 0;
             *context.outputs = *entry;
-            let stream = sum(&entry.position, &net.start_blend.at());
-            if !regular {
-                let rate = self.tracking_offset.rate();
-                let velocity = motion_until(newest, context).velocity;
-                self.tracking_offset = offset_from(&net.sent, (&stream, &velocity), &rate, context);
+            if regular {
+                net.with_offset(&entry.position, exchange.dt_s(), limits)
+            } else {
+                resynchronise(net, &entry.position, context)
             }
-            sum(&stream, &self.tracking_offset.at())
         } else if net.sent.is_stationary() {
             net.sent.position
         } else {
@@ -78,7 +67,7 @@ impl LockstepPlayback {
             if too_long && self.bridged > BRIDGE_MAX_PERIODS {
                 return Err(PlayEnd::Starved);
             }
-            self.bridge(&net.sent, exchange)
+            self.bridge(&net.sent, exchange, limits)
         };
         net.check(&position, &context.outputs.impedance, old, context)?;
         Ok(position)
@@ -91,15 +80,16 @@ impl LockstepPlayback {
         self.bridged == 0 && (steps as f64 - ahead).abs() < 0.5
     }
 
-    /// Extrapolates the arm's position to the end of this exchange, rad.
-    fn bridge(&self, sent: &SentSetPoint, exchange: &Exchange) -> Joints {
+    /// Extrapolates the arm's position to the end of this exchange, rad, at most as fast as its limit.
+    fn bridge(&self, sent: &SentSetPoint, exchange: &Exchange, limits: &ArmLimits) -> Joints {
         let dt_s = exchange.dt_s();
         let weight = FADE.powi(self.bridged.saturating_sub(2).min(64) as i32);
+        let between_s = weight * sent.between_s(dt_s);
         let motion = &sent.motion;
         let mut position = sent.position;
         for (joint, place) in position.iter_mut().enumerate() {
-            let velocity = motion.velocity[joint] + weight * motion.acceleration[joint] * dt_s;
-            *place += velocity * dt_s;
+            let velocity = motion.velocity[joint] + between_s * motion.acceleration[joint];
+            *place += limited(velocity, limits.joints.velocity_max[joint]) * dt_s;
         }
         position
     }
@@ -116,63 +106,48 @@ pub(super) fn skip_to_newest(pointer: &mut PlaybackPointer, context: &mut Playba
     }
 }
 
-/// Returns the offset of the arm from the set-points (position, velocity) at the end of this exchange: the arm takes
-/// over their velocity, and the `rate` of the present offset, as far as its acceleration allows in one exchange.
-fn offset_from(
-    sent: &SentSetPoint,
-    (stream, velocity): (&Joints, &Joints),
-    rate: &Joints,
+/// Returns the position at the end of this exchange, rad, after exchanges without `set_point`s (rad) of their own: the arm
+/// takes over their velocity, and the rate of the present offset, as far as its limits allow in one exchange. The rest of
+/// the way becomes the offset.
+fn resynchronise(
+    net: &mut FollowedNet,
+    set_point: &Joints,
     context: &PlaybackContext<'_>,
-) -> TrackingOffset {
+) -> Joints {
     let dt_s = context.exchange.dt_s();
-    let (mut offset, mut beside) = ([0.0; JOINTS_MAX], *rate);
-    let bounds = &context.settings.limits.joints.acceleration_max;
-    for (joint, most) in bounds.iter().enumerate() {
-        let (was, most) = (sent.motion.velocity[joint], RESYNC_SHARE * most * dt_s);
-        let now = was + (velocity[joint] + rate[joint] - was).max(-most).min(most);
-        beside[joint] = now - velocity[joint];
-        offset[joint] = sent.position[joint] + now * dt_s - stream[joint];
+    let between_s = net.sent.between_s(dt_s);
+    let velocity = velocity_until(net.pointer.cycle, context);
+    let limits = &context.settings.limits.joints;
+    let mut rate = net.offset.rate();
+    let (mut position, mut offset) = (net.sent.position, net.sent.position);
+    for (joint, place) in position.iter_mut().enumerate() {
+        let was = net.sent.motion.velocity[joint];
+        let most = RESYNC_SHARE * limits.acceleration_max[joint] * between_s;
+        let now = was + limited(velocity[joint] + rate[joint] - was, most);
+        let now = limited(now, limits.velocity_max[joint]);
+        *place += now * dt_s;
+        rate[joint] = now - velocity[joint];
+        offset[joint] = *place - set_point[joint];
     }
-    TrackingOffset::from(offset, beside)
+    net.offset.replace(offset, rate, dt_s);
+    position
 }
 
-/// Returns the acceleration that the set-points leave for the decay of a tracking offset, rad/s².
-fn acceleration_reserve(entry: u64, context: &PlaybackContext<'_>) -> Joints {
-    let mut room = context.settings.limits.joints.acceleration_max;
-    let used = motion_until(entry, context).acceleration;
-    for (place, used) in room.iter_mut().zip(used) {
-        *place = SHARE * (*place - used.abs()).max(0.0);
-    }
-    room
-}
-
-/// Returns the motion of the set-points up to cycle `entry`; a missing set-point counts as rest.
-fn motion_until(entry: u64, context: &PlaybackContext<'_>) -> JointMotion {
+/// Returns the velocity of the set-points up to cycle `entry`, rad/s; 0 if one is missing.
+fn velocity_until(entry: u64, context: &PlaybackContext<'_>) -> Joints {
     let dt_s = context.executor_period_s();
-    let mut motion = JointMotion::default();
-    let Some(here) = context.position(entry) else {
-        return motion;
-    };
-    let before = context.position(entry.wrapping_sub(1)).unwrap_or(here);
-    let earlier = context.position(entry.wrapping_sub(2)).unwrap_or(before);
-    motion.velocity = difference(&here, &before).map(|distance| distance / dt_s);
-    let was = difference(&before, &earlier).map(|distance| distance / dt_s);
-    motion.acceleration = difference(&motion.velocity, &was).map(|change| change / dt_s);
-    motion
+    let mut velocity = [0.0; JOINTS_MAX];
+    let here = context.position(entry);
+    let before = context.position(entry.wrapping_sub(1));
+    if let Some((here, before)) = here.zip(before) {
+        for (joint, place) in velocity.iter_mut().enumerate() {
+            *place = (here[joint] - before[joint]) / dt_s;
+        }
+    }
+    velocity
 }
 
-fn sum(one: &Joints, other: &Joints) -> Joints {
-    let mut sum = *one;
-    for (place, value) in sum.iter_mut().zip(other) {
-        *place += value;
-    }
-    sum
-}
-
-fn difference(one: &Joints, other: &Joints) -> Joints {
-    let mut difference = *one;
-    for (place, value) in difference.iter_mut().zip(other) {
-        *place -= value;
-    }
-    difference
+/// Returns the value nearest to `value` in −`most`..`most`; NaN gives a bound.
+fn limited(value: f64, most: f64) -> f64 {
+    value.max(-most).min(most)
 }

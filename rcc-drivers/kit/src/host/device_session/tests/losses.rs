@@ -112,3 +112,43 @@ fn an_arm_whose_period_changes_in_motion_is_brought_to_rest_within_its_limits() 
         assert_eq!(velocity, 0.0);
     }
 }
+
+/// A stop that began with one period goes on with another, also more than once.
+#[test]
+fn an_arm_whose_period_changes_during_its_stop_keeps_its_limits() {
+    for periods_ns in [
+        [500_000, 500_000],
+        [3_000_000, 3_000_000],
+        [1_200_000, 400_000],
+    ] {
+        let mut fixture = SessionFixture::new();
+        let points = motion(0.0, 1.0, 2000);
+        fixture.run(1, &points[..1000]);
+        let mut last = fixture.last();
+        let mut velocity = (points[999 - DELAY as usize] - points[998 - DELAY as usize]) / 1e-3;
+        let mut before_s = 1e-3;
+        fixture.idle(1);
+        for step in 0..2000 {
+            let now = fixture.last();
+            let dt_s = fixture.device.period_ns as f64 * 1e-9;
+            let rate = (now - last) / dt_s;
+            let acceleration = (rate - velocity) / (0.5 * (dt_s + before_s));
+            assert!(
+                acceleration.abs() <= 1.001 * A_MAX && rate.abs() <= 2.0,
+                "{acceleration} {rate} in step {step} with {periods_ns:?} ns"
+            );
+            (last, velocity, before_s) = (now, rate, dt_s);
+            if step == 15 {
+                assert_eq!(fixture.session.state(), DeviceState::Stopping);
+            }
+            if step < 15 {
+                fixture.idle(1);
+            } else {
+                fixture.device.period_ns = periods_ns[step % 2];
+                fixture.device_alone(1);
+            }
+        }
+        assert_eq!(velocity, 0.0);
+        assert_eq!(fixture.session.reason(), reason::RELEASED_MOVING);
+    }
+}
