@@ -8,7 +8,7 @@ use std::path::Path;
 
 use common::{
     EngineFixture, HOLD, TestPlan, drift_net, endless_net, input_net, line_net, named, output_net,
-    publishing_net, subscribing_net,
+    publishing_net, start_of, subscribing_net,
 };
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
@@ -89,30 +89,14 @@ fn values_between_nets_make_no_heap_operation() {
     let takes = fixture.load(subscribing_net(topic, Rate::EVERY_CYCLE, 3));
     let ticket = 0;
     for id in [takes, gives, again] {
-        execute(
-            &mut fixture,
-            |_| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            20,
-        );
+        execute(&mut fixture, start_of(id), 20);
     }
     execute(
         &mut fixture,
         |_| EngineRequest::Abort { ticket, id: gives },
         20,
     );
-    execute(
-        &mut fixture,
-        |_| EngineRequest::Start {
-            ticket,
-            id: again,
-            lease: 0,
-        },
-        20,
-    );
+    execute(&mut fixture, start_of(again), 20);
     let shown = fixture.read(takes, &[]).expect("it runs");
     assert!(shown.evaluations > 80, "{shown:?}");
 }
@@ -122,15 +106,7 @@ fn a_whole_life_cycle_makes_no_heap_operation() {
     let mut fixture = EngineFixture::new();
     for _ in 0..2 {
         let id = fixture.load(line_net());
-        execute(
-            &mut fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            300,
-        );
+        execute(&mut fixture, start_of(id), 300);
         execute(
             &mut fixture,
             |ticket| EngineRequest::Cancel { ticket, id },
@@ -158,15 +134,7 @@ fn the_flight_recorder_makes_no_heap_operation() {
     let mut incidents = 0;
     for round in 0..6 {
         let id = fixture.load(line_net());
-        execute(
-            &mut fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            300,
-        );
+        execute(&mut fixture, start_of(id), 300);
         execute(&mut fixture, |ticket| EngineRequest::Record { ticket }, 300);
         fixture.driver.alive = round % 2 == 0;
         execute(
@@ -196,15 +164,7 @@ fn the_flight_recorder_makes_no_heap_operation() {
 fn loading_while_another_net_runs_makes_no_heap_operation() {
     let mut fixture = EngineFixture::new();
     let first = fixture.load(output_net(0));
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: first,
-            lease: 0,
-        },
-        10,
-    );
+    execute(&mut fixture, start_of(first), 10);
     let Answer::Reserved { id } = fixture.ask(|ticket| EngineRequest::Reserve { ticket }) else {
         panic!()
     };
@@ -225,57 +185,17 @@ fn refusals_and_faults_make_no_heap_operation() {
         fixture.load(endless_net(1)),
     );
     fixture.driver.measurement.hold[0] += 0.1;
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: line,
-            lease: 0,
-        },
-        3,
-    );
+    execute(&mut fixture, start_of(line), 3);
     fixture.driver.measurement.hold = HOLD;
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: holder,
-            lease: 0,
-        },
-        3,
-    );
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: rival,
-            lease: 0,
-        },
-        3,
-    );
+    execute(&mut fixture, start_of(holder), 3);
+    execute(&mut fixture, start_of(rival), 3);
     execute(
         &mut fixture,
         |ticket| EngineRequest::Cancel { ticket, id: holder },
         3,
     );
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: 12345,
-            lease: 0,
-        },
-        3,
-    );
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: line,
-            lease: 0,
-        },
-        100,
-    );
+    execute(&mut fixture, start_of(12345), 3);
+    execute(&mut fixture, start_of(line), 100);
     fixture.driver.alive = false;
     execute(
         &mut fixture,
@@ -328,15 +248,7 @@ fn setting_and_reading_values_makes_no_heap_operation() {
         };
         execute(&mut fixture, read, 2);
         if round == 3 {
-            execute(
-                &mut fixture,
-                |ticket| EngineRequest::Start {
-                    ticket,
-                    id,
-                    lease: 0,
-                },
-                3,
-            );
+            execute(&mut fixture, start_of(id), 3);
         }
     }
 }
@@ -355,15 +267,7 @@ fn an_unreachable_pose_and_null_inputs_make_no_heap_operation() {
     plan.add("Termination", &[no]);
     let mut fixture = EngineFixture::new();
     let id = fixture.load(plan.data);
-    execute(
-        &mut fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id,
-            lease: 0,
-        },
-        100,
-    );
+    execute(&mut fixture, start_of(id), 100);
     fixture.driver.measurement.state = DeviceState::Online as u32;
     execute(
         &mut fixture,
@@ -387,24 +291,8 @@ fn live(fixture: &mut EngineFixture) {
     let outputs = [output_net(1), output_net(1), endless_net(2)].map(|plan| fixture.load(plan));
     let [line, stay, again, elsewhere] = ids;
     let [lamp, other, endless] = outputs;
-    execute(
-        fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: lamp,
-            lease: 0,
-        },
-        10,
-    );
-    execute(
-        fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: line,
-            lease: 0,
-        },
-        150,
-    );
+    execute(fixture, start_of(lamp), 10);
+    execute(fixture, start_of(line), 150);
     execute(
         fixture,
         |ticket| EngineRequest::Cancel { ticket, id: line },
@@ -428,15 +316,7 @@ fn live(fixture: &mut EngineFixture) {
     assert_eq!(fixture.state(stay), CommandState::Running);
     execute(fixture, switch(&[stay], &[again]), 50);
     assert_eq!(fixture.state(again), CommandState::Running);
-    execute(
-        fixture,
-        |ticket| EngineRequest::Start {
-            ticket,
-            id: 12345,
-            lease: 0,
-        },
-        5,
-    );
+    execute(fixture, start_of(12345), 5);
     execute(fixture, |ticket| EngineRequest::Record { ticket }, 5);
     // The other nets end with a fault: the device is lost.
     fixture.driver.alive = false;
@@ -506,15 +386,7 @@ fn with_example_nets(live: impl Fn(&str, &mut EngineFixture, u64)) {
 #[test]
 fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
     with_example_nets(|name, fixture, id| {
-        execute(
-            fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            300,
-        );
+        execute(fixture, start_of(id), 300);
         assert_ne!(fixture.state(id), CommandState::Ready, "{name} runs");
         // Changing conditions while a net runs: forces, inputs that change, and unknown ones.
         for force in [20.0, -20.0, f64::NAN, 0.0] {
@@ -524,15 +396,7 @@ fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
                 other.digital_known = !other.digital_known;
                 other.analog = [force; 16];
             }
-            execute(
-                fixture,
-                |ticket| EngineRequest::Start {
-                    ticket,
-                    id,
-                    lease: 0,
-                },
-                50,
-            );
+            execute(fixture, start_of(id), 50);
         }
         execute(fixture, |ticket| EngineRequest::Cancel { ticket, id }, 3000);
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
@@ -544,37 +408,13 @@ fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
 #[test]
 fn no_example_net_makes_a_heap_operation_to_its_end_or_through_a_fault() {
     with_example_nets(|_, fixture, id| {
-        execute(
-            fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            5000,
-        );
+        execute(fixture, start_of(id), 5000);
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
     });
     with_example_nets(|name, fixture, id| {
-        execute(
-            fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            100,
-        );
+        execute(fixture, start_of(id), 100);
         fixture.driver.alive = false;
-        execute(
-            fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            100,
-        );
+        execute(fixture, start_of(id), 100);
         fixture.driver.alive = true;
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
         assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
@@ -582,25 +422,9 @@ fn no_example_net_makes_a_heap_operation_to_its_end_or_through_a_fault() {
     with_example_nets(|name, fixture, id| {
         // Refused because the arm is elsewhere; then too many late cycles.
         fixture.driver.measurement.hold[0] += 0.1;
-        execute(
-            fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            3,
-        );
+        execute(fixture, start_of(id), 3);
         fixture.driver.measurement.hold = DEMO_START;
-        execute(
-            fixture,
-            |ticket| EngineRequest::Start {
-                ticket,
-                id,
-                lease: 0,
-            },
-            100,
-        );
+        execute(fixture, start_of(id), 100);
         let late = operations(|| (0..10).for_each(|_| fixture.engine.account(1, 5_000_000, 5)));
         assert_eq!(late, 0, "{name}");
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
@@ -633,15 +457,7 @@ fn rules_and_leases_make_no_heap_operation() {
         },
         2,
     );
-    execute(
-        &mut fixture,
-        |_| EngineRequest::Start {
-            ticket,
-            id: arm,
-            lease: 0,
-        },
-        10,
-    );
+    execute(&mut fixture, start_of(arm), 10);
     let rule = |term: RuleTerm, stop: u64, start: u64| {
         let mut rule = Rule {
             stop: named(&[stop]),

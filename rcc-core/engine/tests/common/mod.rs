@@ -225,11 +225,7 @@ impl EngineFixture {
     }
 
     pub fn start(&mut self, id: u64) -> Answer {
-        self.ask(|ticket| EngineRequest::Start {
-            ticket,
-            id,
-            lease: 0,
-        })
+        self.ask(start_of(id))
     }
 
     /// Requests a hand-over and runs one cycle.
@@ -310,6 +306,15 @@ impl EngineFixture {
 
     pub fn records(&mut self) -> Vec<MonitorRecord> {
         std::iter::from_fn(|| self.ends.records.pop().ok()).collect()
+    }
+}
+
+/// START without a lease.
+pub fn start_of(id: u64) -> impl FnOnce(u64) -> EngineRequest {
+    move |ticket| EngineRequest::Start {
+        ticket,
+        id,
+        lease: 0,
     }
 }
 

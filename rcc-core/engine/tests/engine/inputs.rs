@@ -1,6 +1,6 @@
 //! Values that are set while a net is ready or running, and values that are read, in virtual time.
 
-use crate::common::{EngineFixture, HOLD, PERIOD_NS, TestPlan, input_net, line_net};
+use crate::common::{EngineFixture, HOLD, PERIOD_NS, TestPlan, input_net, line_net, start_of};
 use rcc_core::message::CommandState;
 use rcc_core::plan::{PlanError, Rate, ValuePoint};
 use rcc_core::types::Store;
@@ -211,11 +211,7 @@ fn a_slower_net_sees_the_last_value_and_counts_its_own_time() {
     plan.rate = Rate { every: 4, phase: 0 };
     let mut fixture = EngineFixture::new();
     let id = fixture.load(plan);
-    fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    fixture.order(start_of(id));
     while fixture.engine.status().cycle % 4 != 1 || fixture.state(id) != CommandState::Running {
         fixture.step();
     }

@@ -1,6 +1,6 @@
 //! Nets that are not evaluated in every cycle, and base periods from 125 µs to 20 ms, in virtual time.
 
-use crate::common::{EngineFixture, line_net, output_net, time_net};
+use crate::common::{EngineFixture, line_net, output_net, start_of, time_net};
 use rcc_core::message::{CommandState, DeviceState, EndReason, SetPoint};
 use rcc_core::plan::{PlanError, Rate};
 use rcc_engine::queue::EngineRequest;
@@ -27,11 +27,7 @@ fn between(fixture: &mut EngineFixture) {
 /// Starts a net with the rate `FIFTH`; returns it with the cycle of its first evaluation.
 fn started(fixture: &mut EngineFixture) -> (u64, u64) {
     let id = fixture.load(time_net(FIFTH));
-    let ticket = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let ticket = fixture.order(start_of(id));
     for _ in 0..5 {
         fixture.step();
         if let Some(answer) = fixture.answer(ticket) {
@@ -80,11 +76,7 @@ fn monitors_are_due_by_evaluations() {
     let mut plan = time_net(FIFTH);
     plan.monitors[0].every = 3;
     let id = fixture.load(plan);
-    fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    fixture.order(start_of(id));
     fixture.steps(5 * 9);
     let cycles: Vec<u64> = fixture
         .records()
@@ -104,11 +96,7 @@ fn the_resources_of_a_slow_net_are_held_from_start_on() {
     let id = fixture.load(time_net(FIFTH));
     let other = fixture.load(time_net(Rate::EVERY_CYCLE));
     between(&mut fixture);
-    fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    fixture.order(start_of(id));
     let answer = fixture.start(other);
     let busy = matches!(answer, Answer::Refused(Refusal::Busy { holder, .. }) if holder == id);
     assert!(busy, "{answer:?}");
@@ -141,11 +129,7 @@ fn abort_before_the_first_cycle_prevents_it() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let start = fixture.order(start_of(id));
     fixture.step();
     let abort = fixture.order(|ticket| EngineRequest::Abort { ticket, id });
     fixture.step();
@@ -166,11 +150,7 @@ fn cancel_before_the_first_cycle_withdraws_the_start() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let start = fixture.order(start_of(id));
     fixture.step();
     let cancel = fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
     fixture.step();
@@ -185,11 +165,7 @@ fn cancel_before_the_first_cycle_withdraws_the_start() {
         (CommandState::Ready, 0)
     );
     // START and CANCEL in one cycle.
-    let start = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let start = fixture.order(start_of(id));
     fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
     fixture.step();
     assert_eq!(
@@ -204,11 +180,7 @@ fn an_executor_that_stops_does_not_begin_a_first_cycle() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let start = fixture.order(start_of(id));
     while (cycle(&fixture) + 1) % 5 != 2 {
         fixture.step();
     }
@@ -227,11 +199,7 @@ fn an_executor_that_stops_does_not_wait_for_a_first_cycle() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let start = fixture.order(start_of(id));
     fixture.step();
     fixture.engine.begin_stop();
     fixture.step();
@@ -259,11 +227,7 @@ fn a_device_that_is_lost_before_the_first_cycle_refuses_the_start() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
-    let start = fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id,
-        lease: 0,
-    });
+    let start = fixture.order(start_of(id));
     fixture.step();
     fixture.driver.measurement.state = DeviceState::Offline as u32;
     fixture.steps(5);

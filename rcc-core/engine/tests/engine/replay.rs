@@ -5,7 +5,7 @@ mod random;
 
 use std::collections::BTreeMap;
 
-use crate::common::{EngineFixture, HOLD, line_net, model, output_net, time_net};
+use crate::common::{EngineFixture, HOLD, line_net, model, output_net, start_of, time_net};
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
@@ -80,11 +80,7 @@ impl Recorded {
     }
 
     fn start(&mut self, id: u64) {
-        self.fixture.order(|ticket| EngineRequest::Start {
-            ticket,
-            id,
-            lease: 0,
-        });
+        self.fixture.order(start_of(id));
     }
 
     /// Freezes the recording and takes it.
@@ -191,11 +187,7 @@ fn live(random: &mut Rng, stage: &mut Recorded, ids: &[u64]) {
             let id = ids[random.below(ids.len())];
             match random.below(3) {
                 0 => fixture.order(|ticket| EngineRequest::Cancel { ticket, id }),
-                1 => fixture.order(|ticket| EngineRequest::Start {
-                    ticket,
-                    id,
-                    lease: 0,
-                }),
+                1 => fixture.order(start_of(id)),
                 _ => fixture.order(|ticket| EngineRequest::Abort { ticket, id }),
             };
         }

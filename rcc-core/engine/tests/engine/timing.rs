@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, VecDeque};
 
-use crate::common::{EngineFixture, PERIOD_NS, endless_net, line_net, output_net};
+use crate::common::{EngineFixture, PERIOD_NS, endless_net, line_net, output_net, start_of};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
 use rcc_core::plan::Rate;
 use rcc_core::primitives::CATALOGUE;
@@ -155,11 +155,7 @@ fn the_net_that_took_longest_in_the_late_cycle_is_ended_and_none_that_was_not_ev
         ..endless_net(0)
     };
     let (seldom, often) = (fixture.load(every), fixture.load(endless_net(1)));
-    fixture.order(|ticket| EngineRequest::Start {
-        ticket,
-        id: seldom,
-        lease: 0,
-    });
+    fixture.order(start_of(seldom));
     while (fixture.engine.status().cycle + 1) % 1000 != 0 {
         fixture.step();
     }

@@ -1,6 +1,6 @@
 //! Values between nets in virtual time: when they arrive, that the order of nets has no effect, and who may publish.
 
-use crate::common::{EngineFixture, publishing_net, subscribing_net};
+use crate::common::{EngineFixture, publishing_net, start_of, subscribing_net};
 use rcc_core::message::{CommandState, EndReason};
 use rcc_core::plan::{PlanError, Rate, Resource, TOPICS_MAX};
 use rcc_core::topic::Topic;
@@ -110,11 +110,7 @@ fn a_slow_net_is_seen_with_its_age_and_expires() {
     let mut fixture = EngineFixture::new();
     started(&mut fixture, subscribing_net(topic(), EACH, 2));
     let gives = fixture.load(publishing_net(topic(), slow));
-    fixture.order(|ticket| rcc_engine::queue::EngineRequest::Start {
-        ticket,
-        id: gives,
-        lease: 0,
-    });
+    fixture.order(start_of(gives));
     while fixture.state(gives) != CommandState::Running {
         fixture.step();
     }
@@ -135,11 +131,7 @@ fn a_net_that_starts_late_sees_the_age_of_the_value() {
     };
     let mut fixture = EngineFixture::new();
     let gives = fixture.load(publishing_net(topic(), slow));
-    fixture.order(|ticket| rcc_engine::queue::EngineRequest::Start {
-        ticket,
-        id: gives,
-        lease: 0,
-    });
+    fixture.order(start_of(gives));
     while fixture.state(gives) != CommandState::Running {
         fixture.step();
     }
@@ -184,11 +176,7 @@ fn a_slow_net_sees_the_newest_value() {
     let gives = started(&mut fixture, publishing_net(topic(), EACH));
     let slow = Rate { every: 5, phase: 0 };
     let takes = fixture.load(subscribing_net(topic(), slow, 0));
-    fixture.order(|ticket| rcc_engine::queue::EngineRequest::Start {
-        ticket,
-        id: takes,
-        lease: 0,
-    });
+    fixture.order(start_of(takes));
     for _ in 0..4 {
         fixture.step();
         while !fixture.engine.status().cycle.is_multiple_of(5) {

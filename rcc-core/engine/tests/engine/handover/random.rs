@@ -3,6 +3,7 @@
 use rcc_testing::{Random, Rng};
 
 use super::*;
+use crate::common::start_of;
 
 /// A random net of one of several types; some begin where the arm is, some do not.
 fn any_net(fixture: &EngineFixture, random: &mut Rng) -> PlanData {
@@ -42,11 +43,7 @@ fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
                 }
                 3 => {
                     let id = pick(&mut random, &ids);
-                    fixture.order(|ticket| EngineRequest::Start {
-                        ticket,
-                        id,
-                        lease: 0,
-                    });
+                    fixture.order(start_of(id));
                 }
                 4 => {
                     let id = pick(&mut random, &ids);
