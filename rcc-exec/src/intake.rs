@@ -280,7 +280,7 @@ impl Intake {
         // real-time thread disarms the rules that would start something after the stop, and gives the answer.
         if let Some(stopped) = stops_only(&call) {
             stopped.iter().for_each(|id| self.withdraw(*id));
-            return self.dispatch(call, request);
+            return self.dispatch(self.without_withdrawn(call), request);
         }
         // Other calls that name a command whose net is being built are deferred until it is finished.
         if self.awaits_build(&call) {

@@ -33,7 +33,7 @@ use rule_entry::TERM_WORDS;
 /// Time for which recording continues after a trigger, ns.
 pub const POST_TRIGGER_NS: u64 = 200_000_000;
 /// Faults within this time after an incident are delayed and share one file, ns, so that a burst of faults does not
-/// fill the disk.
+/// fill the disk. Shorter if the ring would overwrite the first of them.
 pub const HOLD_OFF_NS: u64 = 5_000_000_000;
 /// Approximate period of the snapshots of each net, ns.
 const SNAPSHOT_EVERY_NS: u64 = 1_000_000_000;

@@ -42,17 +42,17 @@ impl Intake {
         commands.iter().any(|id| self.building.contains_key(id))
     }
 
-    /// A client stops this command: if its net is being built again for a START, refuses that START, and every other call
-    /// that would start the command, or that has a rule which starts something and names it.
+    /// A client stops this command: refuses a START for which its net is being built again, and every deferred call that
+    /// would start something and names it.
     pub(super) fn withdraw(&mut self, id: u64) {
-        match self.building.get_mut(&id) {
-            Some(state @ BuildState::ForStart { .. }) => *state = BuildState::Withdrawn,
-            Some(BuildState::Withdrawn) => {}
-            Some(BuildState::New) | None => return,
+        if let Some(state @ BuildState::ForStart { .. }) = self.building.get_mut(&id) {
+            *state = BuildState::Withdrawn;
         }
         let starts = |call: &Call| match call {
             Call::Start { id: other, .. } => *other == id,
-            Call::Switch { start, .. } => start.contains(&id),
+            Call::Switch { stop, start, .. } => {
+                !start.is_empty() && (stop.contains(&id) || start.contains(&id))
+            }
             Call::InstallRules { rules } => {
                 let mut rules = rules.iter().map(|new| &new.rule);
                 rules.any(|rule| rule.starts() && rule.names(id))
@@ -66,6 +66,14 @@ impl Intake {
                 self.deferred.push_back((call, request));
             }
         }
+    }
+
+    /// Leaves commands out of a hand-over that only stops, if they are ready because their START was withdrawn.
+    pub(super) fn without_withdrawn(&self, mut call: Call) -> Call {
+        if let Call::Switch { stop, .. } = &mut call {
+            stop.retain(|id| self.building.get(id) != Some(&BuildState::Withdrawn));
+        }
+        call
     }
 
     /// The action for the answer to a CANCEL or ABORT.

@@ -119,6 +119,11 @@ impl<B: DeviceBoards> Devices<B> {
         }
     }
 
+    /// The devices that are offline, bit by bit.
+    pub(super) fn offline(&self) -> u64 {
+        self.offline
+    }
+
     pub(super) fn len(&self) -> usize {
         self.devices.len()
     }
@@ -303,7 +308,13 @@ impl<B: DeviceBoards> Engine<B> {
         };
         let mut lost = self.commands[row].lost_arms;
         if survives {
-            lost |= net.arms() & self.devices.offline;
+            let gone = net.arms() & self.devices.offline & !lost;
+            for index in set_bits(gone) {
+                if let Some((_, device)) = self.devices.get_mut(index) {
+                    device.disengage(row);
+                }
+            }
+            lost |= gone;
         }
         for index in set_bits(net.arms() & !lost) {
             let place = self.devices.get_mut(index).zip(net.outputs().get(index));

@@ -60,13 +60,20 @@ const TOGETHER_MAX_NS: u64 = 1_000_000_000;
 pub(super) type HandoverRefusal = (u64, Refusal);
 
 impl<B: DeviceBoards> Engine<B> {
-    /// Accepts a hand-over, unless another one still waits for its nets to be due.
-    pub(super) fn take_handover(&mut self, handover: Handover) {
+    /// Accepts a hand-over, unless another one still waits for its nets to be due. One that only stops takes effect at
+    /// once.
+    pub(super) fn take_handover(&mut self, mut handover: Handover) {
         if handover.start == [0; SWITCH_MAX] {
-            for &id in handover.stop.iter().filter(|id| **id != 0) {
-                self.disarm_after_stop(id);
-                self.withdraw_handover(id);
+            for id in handover.stop.iter_mut().filter(|id| **id != 0) {
+                self.disarm_after_stop(*id);
+                let withdrawn = self.withdraw_handover(*id) | self.withdraw_start(*id);
+                if withdrawn && self.is_ready(*id) {
+                    *id = 0;
+                }
             }
+            let now_ns = self.status.stamp_ns;
+            self.carry_out(handover, now_ns);
+            return;
         }
         if self.handover.is_some() {
             return self.refuse_handover(handover.ticket, (0, Refusal::Overloaded));
@@ -132,6 +139,11 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(set)
     }
 
+    fn is_ready(&self, id: u64) -> bool {
+        let ready = |state| state == CommandState::Ready;
+        self.commands.find(id, ready).is_ok()
+    }
+
     fn id_of(&self, row: RowIndex) -> u64 {
         self.commands[row].entry.id
     }
@@ -157,9 +169,14 @@ impl<B: DeviceBoards> Engine<B> {
 
     /// Tries the pending hand-over, if there is one, and answers it. Returns the rows that it evaluated.
     pub(super) fn try_handover(&mut self, now_ns: u64) -> RowSet {
-        let Some(handover) = self.handover.take() else {
-            return RowSet::EMPTY;
-        };
+        match self.handover.take() {
+            Some(handover) => self.carry_out(handover, now_ns),
+            None => RowSet::EMPTY,
+        }
+    }
+
+    /// Tries a hand-over, and answers it unless it waits.
+    fn carry_out(&mut self, handover: Handover, now_ns: u64) -> RowSet {
         let ticket = handover.ticket;
         let outcome = match self.check_leases(&handover) {
             Ok(()) => self.hand_over(&handover, now_ns),

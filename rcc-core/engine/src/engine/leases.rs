@@ -7,6 +7,7 @@ use rcc_protocol::control::{Refusal, SWITCH_MAX};
 use rcc_protocol::rules::{DisarmReason, LEASE_MAX_NS, LEASE_MIN_NS, LEASES_MAX, RuleFault};
 
 use super::Engine;
+use super::command_table::PendingTransition;
 use super::handover::{Handover, HandoverRefusal};
 use crate::boards::DeviceBoards;
 use crate::queue::EngineEvent;
@@ -147,7 +148,11 @@ impl<B: DeviceBoards> Engine<B> {
         }
         for command in ids() {
             if let Ok(row) = self.commands.find(*command, allowed) {
-                self.commands[row].lease = id;
+                let row = &mut self.commands[row];
+                row.lease = id;
+                if let PendingTransition::Start { lease, .. } = &mut row.pending {
+                    *lease = 0;
+                }
             }
         }
         Ok(())

@@ -230,13 +230,15 @@ impl<B: DeviceBoards> Engine<B> {
         let waited_ns = (self.status.cycle - since_cycle) * self.period_ns;
         // The driver receives the first image without a position in the cycle after the last evaluation.
         let settled_ns = (since_cycle + 1) * self.period_ns;
-        if self.unsettled_arm(row, settled_ns).is_none() {
-            return self.finish(row);
+        if self.commands[row].survives_device_loss() {
+            let gone = self.commands[row].claims().arms & self.devices.offline();
+            self.commands[row].lost_arms |= gone;
         }
-        let unsettled = self.unsettled_arm(row, settled_ns);
-        let unsettled = unsettled.filter(|_| waited_ns > SETTLE_MAX_NS);
-        let unsettled = unsettled.map(|device| FaultRecord {
-            device: device as u32,
+        let Some(unsettled) = self.unsettled_arm(row, settled_ns) else {
+            return self.finish(row);
+        };
+        let unsettled = (waited_ns > SETTLE_MAX_NS).then(|| FaultRecord {
+            device: unsettled as u32,
             ..self.fault(FaultCode::DeviceLost)
         });
         if let Some(fault) = self.device_loss_fault(row).or(unsettled) {

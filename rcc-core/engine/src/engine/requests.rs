@@ -299,21 +299,29 @@ impl<B: DeviceBoards> Engine<B> {
     /// CANCEL: nothing may start the command after it. A START that waits for the net's first cycle is withdrawn.
     fn cancel_by_client(&mut self, id: u64) -> Result<(), Refusal> {
         self.disarm_after_stop(id);
-        if self.withdraw_handover(id) || self.withdraw_start(id) {
-            return Ok(());
+        let withdrawn = self.withdraw_handover(id) | self.withdraw_start(id);
+        match self.cancel(id) {
+            // Nothing starts it any more: that is what was asked for.
+            Err(refusal) if withdrawn && is_ready(refusal) => Ok(()),
+            canceled => canceled,
         }
-        self.cancel(id)
     }
 
     /// ABORT: as CANCEL, at once.
     fn abort_by_client(&mut self, id: u64) -> Result<(), Refusal> {
         self.disarm_after_stop(id);
-        if self.withdraw_handover(id) || self.abort_before_first_cycle(id) {
+        let withdrawn = self.withdraw_handover(id);
+        if self.abort_before_first_cycle(id) {
             return Ok(());
         }
-        let row = self.commands.find(id, CommandState::is_active)?;
-        self.end(row, EndReason::Aborted, FaultRecord::NONE);
-        Ok(())
+        match self.commands.find(id, CommandState::is_active) {
+            Err(refusal) if withdrawn && is_ready(refusal) => Ok(()),
+            Err(refusal) => Err(refusal),
+            Ok(row) => {
+                self.end(row, EndReason::Aborted, FaultRecord::NONE);
+                Ok(())
+            }
+        }
     }
 
     /// Reads values as the last evaluation left them.
@@ -375,4 +383,10 @@ impl<B: DeviceBoards> Engine<B> {
             }
         }
     }
+}
+
+/// Returns true if a command was refused because it is ready.
+fn is_ready(refusal: Refusal) -> bool {
+    let state = CommandState::Ready as u32;
+    refusal == Refusal::WrongState { state }
 }

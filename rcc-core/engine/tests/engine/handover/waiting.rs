@@ -1,6 +1,7 @@
 //! Hand-overs that wait for a cycle in which all nets are due.
 
 use super::*;
+use crate::common::start_of;
 
 /// Requests a hand-over and runs cycles until it is answered.
 fn switch_in_time(fixture: &mut EngineFixture, stop: &[u64], start: &[u64]) -> Answer {
@@ -168,4 +169,40 @@ fn a_hand_over_that_only_stops_withdraws_the_one_that_waits_and_is_carried_out()
     assert!(matches!(done, Some(Answer::Done { .. })), "{done:?}");
     waiting.assert_withdrawn(waiting.new[0], answer);
     assert_eq!(waiting.fixture.state(waiting.old), CommandState::Terminated);
+}
+
+#[test]
+fn a_stop_withdraws_a_start_as_well_as_the_hand_over() {
+    for stop in STOPS {
+        let mut waiting = Waiting::new();
+        let id = waiting.new[1];
+        let start = waiting.fixture.order(start_of(id));
+        let stopped = waiting.fixture.order(|ticket| stop(ticket, id));
+        waiting.fixture.step();
+        let answer = waiting.fixture.answer(waiting.ticket);
+        assert!(
+            matches!(answer, Some(Answer::RefusedFor { .. })),
+            "{answer:?}"
+        );
+        let refused = waiting.fixture.answer(start);
+        assert!(matches!(refused, Some(Answer::Refused(_))), "{refused:?}");
+        let done = waiting.fixture.answer(stopped);
+        assert!(matches!(done, Some(Answer::Done { .. })), "{done:?}");
+        waiting.fixture.steps(400);
+        assert_eq!(waiting.fixture.entry(id).cycles, 0);
+    }
+}
+
+#[test]
+fn a_hand_over_that_only_stops_withdraws_a_start_and_stops_the_others() {
+    let (mut fixture, old) = running(output_net(1));
+    let seldom = fixture.load(slow(2, 200, 0));
+    fixture.order(start_of(seldom));
+    fixture.steps(3);
+    let stopped = fixture.switch(&[old, seldom], &[]);
+    assert!(matches!(stopped, Answer::Done { .. }), "{stopped:?}");
+    assert_eq!(fixture.state(old), CommandState::Terminated);
+    fixture.steps(400);
+    assert_eq!(fixture.state(seldom), CommandState::Ready);
+    assert_eq!(fixture.entry(seldom).cycles, 0);
 }

@@ -89,6 +89,30 @@ fn a_net_that_survives_does_not_command_an_arm_again_that_was_lost_while_it_comm
 }
 
 #[test]
+fn an_arm_that_a_surviving_net_has_lost_is_free_for_the_next_net() {
+    // Its driver says so, or is silent: then the device is offline.
+    for silent in [false, true] {
+        let mut fixture = EngineFixture::new();
+        let mut survivor = drift_net(HOLD[0], 0.0);
+        survivor.survives_device_loss = true;
+        let old = fixture.load(survivor);
+        fixture.start(old);
+        fixture.steps(30);
+        fixture.driver.alive = !silent;
+        fixture.driver.measurement.state = DeviceState::Online as u32;
+        fixture.steps(60);
+        assert_eq!(fixture.engine.tables().devices[0].holder, 0, "{silent}");
+        fixture.driver.alive = true;
+        fixture.driver.measurement.state = DeviceState::Ready as u32;
+        fixture.steps(5);
+        let next = fixture.load(drift_net(HOLD[0], 0.0));
+        let taken = fixture.switch(&[old], &[next]);
+        assert!(matches!(taken, Answer::Done { .. }), "{taken:?}");
+        assert_eq!(fixture.told().has_position, 1, "{silent}");
+    }
+}
+
+#[test]
 fn a_command_does_not_inherit_what_the_one_before_in_its_row_has_lost() {
     let mut fixture = EngineFixture::new();
     let mut survivor = drift_net(HOLD[0], 0.0);
