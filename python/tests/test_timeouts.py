@@ -143,16 +143,19 @@ class Changing(threading.Thread):
 
     def __init__(self, cell_name):
         super().__init__()
-        self.cell_name, self.stopped, self.rounds = cell_name, threading.Event(), 0
+        self.cell_name, self.rounds = cell_name, 0
+        self.began, self.stopped = threading.Event(), threading.Event()
 
     def run(self):
         with rcc.connect(self.cell_name) as cell:
             while not self.stopped.is_set() and self.rounds < self.ROUNDS:
                 cell.load(waiting("changing")).unload()
                 self.rounds += 1
+                self.began.set()
 
     def __enter__(self):
         self.start()
+        assert self.began.wait(60.0)
         return self
 
     def __exit__(self, *_):
@@ -165,12 +168,12 @@ def test_a_wait_ends_in_time_while_other_commands_change(cell, cell_name):
     with Changing(cell_name) as changing:
         with pytest.raises(TimeoutError):
             command.wait(0.5)
-        assert changing.is_alive() and 0 < changing.rounds < changing.ROUNDS
+        assert changing.is_alive() and changing.rounds < changing.ROUNDS
 
 
 def test_a_run_that_takes_too_long_is_canceled_while_other_commands_change(cell, cell_name):
     with Changing(cell_name) as changing:
         with pytest.raises(TimeoutError):
             cell.run(waiting("run"), timeout=0.5)
-        assert changing.is_alive() and 0 < changing.rounds < changing.ROUNDS
+        assert changing.is_alive() and changing.rounds < changing.ROUNDS
     assert cell.commands() == []

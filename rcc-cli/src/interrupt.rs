@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 
-use nix::sys::signal::Signal;
 use rcc_api::codes;
+use rcc_process::signals::ignores_hangup;
 use tokio::runtime::Builder;
 use tokio::signal::unix::{Signal as SignalStream, SignalKind, signal};
 
@@ -94,27 +94,12 @@ async fn received(stream: &mut Option<SignalStream>) {
     }
 }
 
-/// Returns true if this process ignores SIGHUP since its start, as under `nohup`; then the end of a terminal must not end
-/// it.
-fn ignores_hangup() -> bool {
-    std::fs::read_to_string("/proc/self/status")
-        .is_ok_and(|status| ignores(&status, Signal::SIGHUP))
-}
-
-/// Returns true if the signal is ignored, by the `SigIgn` of proc_pid_status(5): a mask in hexadecimal digits, with signal
-/// 1 in its lowest bit.
-fn ignores(status: &str, signal: Signal) -> bool {
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    mask.is_some_and(|mask| mask >> (signal as u32 - 1) & 1 != 0)
-}
-
 #[cfg(test)]
 mod tests {
     use std::process::Command;
     use std::time::Duration;
 
-    use nix::sys::signal::kill;
+    use nix::sys::signal::{Signal, kill};
     use nix::unistd::Pid;
 
     use super::*;
@@ -123,18 +108,11 @@ mod tests {
     const UNDER_NOHUP: &str = "RCC_TEST_UNDER_NOHUP";
 
     #[test]
-    fn the_ignored_signals_are_a_mask() {
-        let status = "Name:\trcc-cli\nSigBlk:\t0000000000000001\nSigIgn:\t0000000000001001\n";
-        assert!(ignores(status, Signal::SIGHUP) && ignores(status, Signal::SIGPIPE));
-        assert!(!ignores(status, Signal::SIGTERM) && !ignores("", Signal::SIGHUP));
-    }
-
-    #[test]
     fn a_program_under_nohup_outlives_its_terminal() {
         if std::env::var_os(UNDER_NOHUP).is_some() {
             return survive();
         }
-        let status = Command::new("sh")
+        let output = Command::new("sh")
             .args(["-c", r#"trap "" HUP; exec "$0" "$@""#])
             .arg(std::env::current_exe().expect("this test"))
             .args([
@@ -142,8 +120,13 @@ mod tests {
                 "interrupt::tests::a_program_under_nohup_outlives_its_terminal",
             ])
             .env(UNDER_NOHUP, "1")
-            .status();
-        assert!(status.expect("a shell").success());
+            .output();
+        let output = output.expect("a shell");
+        let told = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            output.status.success() && told.contains("1 passed"),
+            "{output:?}"
+        );
     }
 
     fn survive() {

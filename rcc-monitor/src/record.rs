@@ -90,8 +90,11 @@ pub enum RecordError {
     /// The file cannot be written.
     #[error("{0}; what was recorded before is in the file")]
     Write(RecordingError),
-    /// The file cannot be created.
+    /// The file, or a segment of an earlier recording, exists.
     #[error("{0}: name another file, or move that one away")]
+    Exists(RecordingError),
+    /// The file cannot be created.
+    #[error(transparent)]
     Create(RecordingError),
     /// The thread that writes cannot be made.
     #[error("cannot make a thread: {0}")]
@@ -116,7 +119,10 @@ pub fn record(
         bytes_max: options.bytes_max,
         when_full: options.when_full,
     });
-    let recording = recording.map_err(RecordError::Create)?;
+    let recording = recording.map_err(|error| match error.source.kind() {
+        io::ErrorKind::AlreadyExists => RecordError::Exists(error),
+        _ => RecordError::Create(error),
+    })?;
     let message_options = MessageOptions {
         selection: options.selection.clone(),
         view_every_ns: (1e9 / options.view_hz) as u64,

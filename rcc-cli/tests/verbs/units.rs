@@ -419,7 +419,7 @@ fn the_unit_of_a_removed_device_is_removed() {
 }
 
 #[test]
-fn services_keep_their_evidence_and_a_configured_folder_is_writable() {
+fn services_keep_their_state_and_a_configured_folder_is_writable() {
     let root = Root::new();
     let demo = repository().join("configs/cells/demo.yaml");
     let robots = repository().join("configs/robots");

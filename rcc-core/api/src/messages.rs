@@ -266,7 +266,9 @@ impl NameResolver<'_> {
             ),
             Refusal::Withdrawn => (
                 codes::WRONG_STATE,
-                format!("the start of {net} was withdrawn by a CANCEL or ABORT; it remains ready"),
+                format!(
+                    "the start of {net} was withdrawn before it took effect, by a stop of a client or because its lease has ended; it remains ready"
+                ),
                 format!("to start it nevertheless: `rcc-cli start {net}`"),
             ),
             Refusal::Rule { index, fault } => {

@@ -122,9 +122,32 @@ impl Drop for StopsAtPanic {
     }
 }
 
+/// Returns true if this process ignores SIGHUP since its start, as under `nohup`; then the end of a terminal must not end
+/// it.
+#[must_use]
+pub fn ignores_hangup() -> bool {
+    std::fs::read_to_string("/proc/self/status")
+        .is_ok_and(|status| ignores(&status, Signal::SIGHUP))
+}
+
+/// Returns true if the signal is ignored, by the `SigIgn` of proc_pid_status(5): a mask in hexadecimal digits, with signal
+/// 1 in its lowest bit.
+fn ignores(status: &str, signal: Signal) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal as u32 - 1) & 1 != 0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_ignored_signals_are_a_mask() {
+        let status = "Name:\trcc-cli\nSigBlk:\t0000000000000001\nSigIgn:\t0000000000001001\n";
+        assert!(ignores(status, Signal::SIGHUP) && ignores(status, Signal::SIGPIPE));
+        assert!(!ignores(status, Signal::SIGTERM) && !ignores("", Signal::SIGHUP));
+    }
 
     #[test]
     fn signals_blocked_by_a_parent_are_unblocked() -> Result<(), SignalError> {

@@ -309,7 +309,7 @@ impl MessageSink for Recording {
         if self.full {
             return Ok(());
         }
-        let length = self.file.length() + text.text.len() as u64;
+        let length = self.file.length() + self.texts.length_of(&text);
         if self.options.when_full == WhenFull::Stop && length > self.options.bytes_max {
             self.full = true;
             return Ok(());

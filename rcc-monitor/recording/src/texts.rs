@@ -35,6 +35,14 @@ impl RecordingTexts {
         }
     }
 
+    /// Returns the number of bytes that a text adds to a recording without segments.
+    pub fn length_of(&self, text: &AttachedText) -> u64 {
+        match self.written.contains(&hash_of(text)) {
+            true => 0,
+            false => text.text.len() as u64,
+        }
+    }
+
     /// Attaches a text that is not there yet. Without room in this segment it is attached to a later one.
     pub fn add(
         &mut self,
@@ -43,9 +51,7 @@ impl RecordingTexts {
         time_ns: u64,
     ) -> Result<(), RecordingError> {
         if self.bytes_max.is_none() {
-            let mut hasher = DefaultHasher::new();
-            (&text.name, &text.media_type, &text.text).hash(&mut hasher);
-            return match self.written.insert(hasher.finish()) {
+            return match self.written.insert(hash_of(&text)) {
                 true => file.attach(&text, time_ns),
                 false => Ok(()),
             };
@@ -114,4 +120,10 @@ fn net_hash(text: &AttachedText) -> Option<&str> {
     let (_, hash) = text.name.strip_suffix(".yaml")?.rsplit_once('-')?;
     let is_hash = hash.len() == 16 && hash.bytes().all(|byte| byte.is_ascii_hexdigit());
     is_hash.then_some(hash)
+}
+
+fn hash_of(text: &AttachedText) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (&text.name, &text.media_type, &text.text).hash(&mut hasher);
+    hasher.finish()
 }

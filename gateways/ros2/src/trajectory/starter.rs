@@ -70,7 +70,7 @@ impl GoalStarter {
     /// before the new one could begin.
     pub fn start(&mut self, goal: &Goal, canceled: &CancelFlag) -> Result<StartedGoal, Refusal> {
         // It may have waited behind others.
-        unless(canceled)?;
+        refuse_canceled(canceled)?;
         let cell = match self.cell.take() {
             Some(cell) => cell,
             None => Cell::local(&self.cell_name).map_err(refused)?,
@@ -101,7 +101,7 @@ impl GoalStarter {
             Some(net) => net,
             None => {
                 if let Some(old) = running.take() {
-                    unless(canceled)?;
+                    refuse_canceled(canceled)?;
                     stop(cell, old)?;
                 }
                 let rest = self.states.of(&self.device).ok_or_else(|| {
@@ -183,7 +183,7 @@ fn refused(error: ClientError) -> Refusal {
 }
 
 /// Refuses a goal that was canceled.
-fn unless(canceled: &CancelFlag) -> Result<(), Refusal> {
+fn refuse_canceled(canceled: &CancelFlag) -> Result<(), Refusal> {
     match canceled.is_set() {
         true => Err(Refusal::invalid("canceled before it was started")),
         false => Ok(()),
@@ -193,7 +193,7 @@ fn unless(canceled: &CancelFlag) -> Result<(), Refusal> {
 /// START.
 fn begin(new: &Command<'_>, canceled: &CancelFlag) -> Result<(), Refusal> {
     // While the net was rehearsed, or the arm came to rest.
-    unless(canceled)?;
+    refuse_canceled(canceled)?;
     new.start_with(OnClientLoss::Cancel)
         .map(drop)
         .map_err(refused)
@@ -206,12 +206,12 @@ fn replace(
     new: &Command<'_>,
     canceled: &CancelFlag,
 ) -> Result<(), Refusal> {
-    unless(canceled)?;
+    refuse_canceled(canceled)?;
     let Err(error) = cell.switch_with(&[old], &[new], OnClientLoss::Cancel) else {
         return Ok(());
     };
     tracing::info!(%error, "no hand-over: the running goal is canceled first");
-    unless(canceled)?;
+    refuse_canceled(canceled)?;
     stop(cell, old.id())?;
     begin(new, canceled)
 }

@@ -39,7 +39,8 @@ enum OutputLocation {
     Named(usize, Option<ElementIndex>),
 }
 
-/// An element of an output, counted from 0. Whether the output has it is checked when the net is loaded.
+/// An element of an output, counted from 0. Whether the output has it is checked when the net is loaded; for a matrix,
+/// when it is built.
 #[derive(Clone, Copy, Debug)]
 enum ElementIndex {
     /// Of an array.
