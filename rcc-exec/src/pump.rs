@@ -124,8 +124,8 @@ impl Pump {
         while let Ok(event) = self.events.pop() {
             self.handle_event(event);
         }
-        let quiet = self.late.reported_at;
-        if !quiet.is_some_and(|at| at.elapsed() < LATE_REPORT_EVERY) {
+        let reported_at = self.late.reported_at;
+        if reported_at.is_none_or(|at| at.elapsed() >= LATE_REPORT_EVERY) {
             self.report_late();
         }
     }

@@ -324,7 +324,7 @@ impl Deployment<'_> {
             }
         }
         let mut checks: Vec<CellCheck<'_>> =
-            self.cells.iter().map(|cell| self.to_check(cell)).collect();
+            self.cells.iter().map(|cell| self.check_of(cell)).collect();
         loop {
             let mut sent = Vec::new();
             for check in &mut checks {
@@ -351,7 +351,7 @@ impl Deployment<'_> {
         }
     }
 
-    fn to_check<'a>(&'a self, cell: &'a str) -> CellCheck<'a> {
+    fn check_of<'a>(&'a self, cell: &'a str) -> CellCheck<'a> {
         CellCheck {
             cell,
             left: self.texts_for(cell).into_iter(),

@@ -156,7 +156,7 @@ fn the_net_that_took_longest_in_the_late_cycle_is_ended_and_none_that_was_not_ev
     };
     let (seldom, often) = (fixture.load(every), fixture.load(endless_net(1)));
     fixture.order(start_of(seldom));
-    while (fixture.engine.status().cycle + 1) % 1000 != 0 {
+    while !(fixture.engine.status().cycle + 1).is_multiple_of(1000) {
         fixture.step();
     }
     // The net at the slow rate takes long, in a cycle that is in time.

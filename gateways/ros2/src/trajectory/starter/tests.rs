@@ -144,7 +144,14 @@ fn a_goal_that_is_canceled_before_start_never_moves_the_arm() {
     const LOADED: &str = "POST /commands";
     const STOPPED: &str = "POST /commands/7/cancel";
     const UNLOADED: &str = "DELETE /commands/9";
-    let rows: [(&str, (bool, i32), &str, &[&str]); 6] = [
+    // Name, goal, the request at which it is canceled, and all requests.
+    type Row = (
+        &'static str,
+        (bool, i32),
+        &'static str,
+        &'static [&'static str],
+    );
+    let rows: [Row; 6] = [
         ("waiting", (true, 0), "", &[]),
         ("rehearsed", (false, 0), LOADED, &[LOADED, UNLOADED]),
         // The running goal goes on.
