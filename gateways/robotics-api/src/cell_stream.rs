@@ -171,7 +171,8 @@ fn note_event(state: &mut GatewayState, told: &EventKind) -> bool {
 mod tests {
     use super::*;
     use crate::pushes::NetState;
-    use crate::state::{ReportedValue, RuleState, ScheduleRule};
+    use crate::rules::{RuleState, ScheduleRule};
+    use crate::state::ReportedValue;
     use rcc_api::streams::MonitorBatch;
 
     /// A net `n` that runs as command 7, with the value `out_a` of the port `a.out`.

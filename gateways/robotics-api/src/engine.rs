@@ -8,7 +8,8 @@ use crate::firing;
 use crate::gateway::Gateway;
 use crate::loader::{CellClient, LoaderError};
 use crate::net_watch::look_at_net;
-use crate::state::{GatewayNet, RuleState};
+use crate::rules::RuleState;
+use crate::state::GatewayNet;
 use crate::stops::{self, StopKind};
 
 /// Time between two turns while something runs or waits: what is pushed at an interval becomes due by itself.
@@ -34,6 +35,7 @@ pub fn run(gateway: &Gateway) -> ! {
         if tidied.is_none_or(|at| at.elapsed() > TIDY_EVERY) {
             tidied = Some(Instant::now());
             look_at_devices(gateway, &mut loader);
+            stops::stop_unnoticed(gateway, &mut loader);
             stops::send_owed(gateway, &mut loader);
             end_sessions(gateway, &mut loader);
             gateway.state().forget();
@@ -132,7 +134,7 @@ fn look_at_devices(gateway: &Gateway, loader: &mut CellClient) {
 }
 
 /// Stops the nets of sessions that nobody has belonged to for some time, and forgets them.
-fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
+pub(crate) fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
     let now = Instant::now();
     let mut stop = Vec::new();
     let mut unload = Vec::new();
@@ -162,7 +164,13 @@ fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
             }
             // First of all nothing starts any more.
             state.rules.retain(|_, rule| rule.session != name);
-            let nets = state.nets.iter_mut().filter(|(_, net)| net.session == name);
+            let of_session = |net: &GatewayNet| net.session == name;
+            let may_run = state.nets.values_mut().filter(|net| net.may_run);
+            for net in may_run.filter(|net| of_session(net) && !net.state.is_active()) {
+                // It stays owed until the cell has told what became of the net.
+                net.owe_stop(StopKind::Cancel);
+            }
+            let nets = state.nets.iter_mut().filter(|(_, net)| of_session(net));
             for (name, net) in nets.filter(|(_, net)| net.state.is_active()) {
                 let since = *net.canceled_at.get_or_insert(now);
                 let is_first = since == now;
@@ -179,7 +187,7 @@ fn end_sessions(gateway: &Gateway, loader: &mut CellClient) {
             if state
                 .nets
                 .values()
-                .all(|net| net.session != name || !net.state.is_active() && net.owed_stop.is_none())
+                .all(|net| !of_session(net) || !net.state.is_active() && net.owed_stop.is_none())
             {
                 let over = state.nets.iter().filter(|(_, net)| net.session == name);
                 unload.extend(over.filter_map(|(name, net)| net.command.map(|_| name.clone())));

@@ -9,9 +9,10 @@ use rcc_api::codes;
 use crate::gateway::Gateway;
 use crate::loader::{CellClient, LoaderError};
 use crate::mirror::ensure_loaded;
-use crate::net_watch::look_at;
+use crate::net_watch::{has_started, look_at};
 use crate::pushes::NetState;
-use crate::state::{GatewayState, RuleState, ScheduleRule};
+use crate::rules::{RuleState, ScheduleRule};
+use crate::state::GatewayState;
 use crate::stops::{self, StopKind};
 
 /// Time for an arm to come to rest before a rule that starts a net fails.
@@ -28,6 +29,8 @@ struct RuleCommands {
     discard: Vec<String>,
     /// Nets that are canceled.
     cancel: Vec<String>,
+    /// Nets that may run, because a START of them was not answered, and are stopped or canceled.
+    unsure: Vec<String>,
     /// Nets that start.
     start: Vec<String>,
 }
@@ -45,10 +48,7 @@ pub fn fire_due(gateway: &Gateway, loader: &mut CellClient) {
             .rev()
             .filter(|(_, rule)| rule.state == RuleState::Active)
         {
-            match rule
-                .condition
-                .value(&|net, key| state.condition_value(net, key))
-            {
+            match value(&state, rule) {
                 Some(true) if rule.not_before.is_some_and(|then| now < then) => {}
                 Some(true) => due.push(*number),
                 _ if !state.is_possible(&rule.condition) => impossible.push(*number),
@@ -65,6 +65,15 @@ pub fn fire_due(gateway: &Gateway, loader: &mut CellClient) {
     }
 }
 
+/// Returns the value of a rule's condition, which is true for ever once a stop of it was not delivered.
+fn value(state: &GatewayState, rule: &ScheduleRule) -> Option<bool> {
+    let of = |net: &str, key: &str| state.condition_value(net, key);
+    match rule.owes_stop() {
+        true => Some(true),
+        false => rule.condition.value(&of),
+    }
+}
+
 fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
     // The stream tells values one by one: those of several ports may be of different cycles.
     let several: BTreeSet<String> = {
@@ -72,6 +81,7 @@ fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
         let reads = state
             .rules
             .get(&number)
+            .filter(|rule| !rule.owes_stop())
             .map(|rule| rule.condition.reads())
             .filter(|reads| reads.len() > 1);
         let nets = reads.into_iter().flatten();
@@ -87,12 +97,8 @@ fn fire(gateway: &Gateway, loader: &mut CellClient, number: u64) {
             .get(&number)
             .filter(|rule| rule.state == RuleState::Active);
         // A rule that fired before may have changed what it reads.
-        rule.filter(|rule| {
-            rule.condition
-                .value(&|net, key| state.condition_value(net, key))
-                == Some(true)
-        })
-        .cloned()
+        rule.filter(|rule| value(&state, rule) == Some(true))
+            .cloned()
     };
     let Some(rule) = rule else { return };
     // While the cell is started again the rule waits.
@@ -165,8 +171,14 @@ fn carry_out(
         discard(&mut gateway.state(), &commands);
         return deliver_stops(gateway, loader, &commands);
     }
-    let started = start(loader, &commands);
-    note_started(gateway, number, &commands, started.is_ok());
+    let mut started = start(loader, &commands);
+    if let Err(error) = &started
+        && has_begun(gateway, loader, &commands, error)
+    {
+        owe_stops(gateway, &commands);
+        started = Ok(());
+    }
+    note_started(gateway, number, &commands, &started);
     stops::send_owed(gateway, loader);
     started.map_err(|error| refusal(gateway, &commands, &error))
 }
@@ -184,12 +196,54 @@ fn deliver_stops(
     for name in &commands.stop {
         delivered = delivered.and(stops::end(gateway, loader, name));
     }
+    for name in &commands.unsure {
+        let owed = gateway.state().nets.get(name).and_then(|net| net.owed_stop);
+        if let Some(kind) = owed {
+            delivered = delivered.and(stops::deliver(gateway, loader, name, kind));
+        }
+    }
     delivered.map_err(|error| RuleRefusal::Undelivered(error.to_string()))
 }
 
-/// Notes that START was answered.
-fn note_started(gateway: &Gateway, number: u64, commands: &RuleCommands, is_started: bool) {
+/// Returns true if a START was refused because an earlier one, whose answer was lost, was taken.
+fn has_begun(
+    gateway: &Gateway,
+    loader: &mut CellClient,
+    commands: &RuleCommands,
+    error: &LoaderError,
+) -> bool {
+    let may_run = {
+        let state = gateway.state();
+        let mut nets = commands.start.iter().map(|name| state.nets.get(name));
+        nets.all(|net| net.is_some_and(|net| net.may_run))
+    };
+    error.code() == codes::WRONG_STATE.code
+        && may_run
+        && commands
+            .start
+            .iter()
+            .all(|name| has_started(loader, name).unwrap_or(false))
+}
+
+/// Owes the stops of a rule whose nets run already: another rule may have started them.
+fn owe_stops(gateway: &Gateway, commands: &RuleCommands) {
     let mut state = gateway.state();
+    for name in &commands.stop {
+        if let Some(net) = state.nets.get_mut(name) {
+            net.owe_stop(StopKind::Cancel);
+        }
+    }
+}
+
+/// Notes the answer to START, or that there was none.
+fn note_started(
+    gateway: &Gateway,
+    number: u64,
+    commands: &RuleCommands,
+    started: &Result<(), LoaderError>,
+) {
+    let mut state = gateway.state();
+    let is_started = started.is_ok();
     let now = Instant::now();
     if is_started {
         discard(&mut state, commands);
@@ -209,6 +263,12 @@ fn note_started(gateway: &Gateway, number: u64, commands: &RuleCommands, is_star
     for name in &commands.start {
         if let Some(net) = state.nets.get_mut(name) {
             net.is_starting = false;
+            net.may_run = match started {
+                Ok(()) => false,
+                // The earlier START may be what made this one wrong.
+                Err(error) if error.code() == codes::WRONG_STATE.code => net.may_run,
+                Err(error) => error.is_unanswered(),
+            };
         }
         if is_started {
             state.started(name, number, now);
@@ -246,6 +306,7 @@ fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, Rule
             }
         }
     }
+    commands.unsure = owe_unsure(&mut state, rule);
     for name in &rule.stop {
         match state.nets.get(name).map(|net| (net.state, net.command)) {
             Some((state, Some(_))) if state.is_active() => commands.stop.push(name.clone()),
@@ -264,13 +325,32 @@ fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, Rule
             _ => {}
         }
     }
-    commands.discard.retain(|name| !rule.start.contains(name));
+    let RuleCommands {
+        discard, unsure, ..
+    } = &mut commands;
+    discard.retain(|name| !rule.start.contains(name) && !unsure.contains(name));
     for name in &commands.start {
         if let Some(net) = state.nets.get_mut(name) {
             net.is_starting = true;
         }
     }
     Ok(commands)
+}
+
+/// Owes the stops of nets that may run, and returns these. They are stopped even if the rule fails: nothing else tells whether
+/// they run.
+fn owe_unsure(state: &mut GatewayState, rule: &ScheduleRule) -> Vec<String> {
+    let mut unsure = Vec::new();
+    for name in rule.stop.iter().chain(&rule.cancel) {
+        let net = state.nets.get_mut(name);
+        if let Some(net) = net.filter(|net| net.may_run && !net.state.is_over())
+            && !rule.start.contains(name)
+        {
+            net.owe_stop(StopKind::Cancel);
+            unsure.push(name.clone());
+        }
+    }
+    unsure
 }
 
 fn start(loader: &mut CellClient, commands: &RuleCommands) -> Result<(), LoaderError> {
@@ -294,9 +374,12 @@ fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> R
         code if code == codes::BUSY.code => state
             .nets
             .values()
-            .any(|net| net.is_ending && net.state.is_active()),
-        // A net that was to be stopped has just ended.
-        code if code == codes::WRONG_STATE.code => !commands.stop.is_empty(),
+            .any(|net| net.is_ending && net.state.is_active() || net.owed_stop.is_some()),
+        // A net that was to be stopped has just ended, or it is not known yet whether one runs already.
+        code if code == codes::WRONG_STATE.code => {
+            let mut nets = commands.start.iter().map(|name| state.nets.get(name));
+            !commands.stop.is_empty() || nets.any(|net| net.is_some_and(|net| net.may_run))
+        }
         // The executor was started again, and with it its table.
         code if code == codes::UNKNOWN_COMMAND.code => {
             for name in &commands.start {

@@ -114,6 +114,7 @@ impl Gateway {
         restart();
         for net in self.state().nets.values_mut() {
             net.command = None;
+            net.may_run = false;
         }
         true
     }
@@ -174,7 +175,10 @@ impl Gateway {
         let name = {
             let mut state = self.state();
             let idle = state.nets.iter().filter(|(name, net)| {
-                net.command.is_some() && !net.state.is_active() && !state.is_scheduled(name)
+                net.command.is_some()
+                    && !net.state.is_active()
+                    && !net.may_run
+                    && !state.is_scheduled(name)
             });
             let oldest = idle
                 .min_by_key(|(_, net)| net.command)

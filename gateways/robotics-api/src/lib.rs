@@ -24,6 +24,7 @@ pub mod own_cell;
 pub mod pushes;
 pub mod rate_limiter;
 pub mod requests;
+pub mod rules;
 pub mod server;
 pub mod state;
 pub mod stops;

@@ -34,6 +34,13 @@ impl LoaderError {
         &self.0.body.code
     }
 
+    /// Returns true if it is not known whether the core has done what was asked.
+    #[must_use]
+    pub fn is_unanswered(&self) -> bool {
+        let silent = [codes::NO_EXECUTOR.code, codes::EXECUTOR_SILENT.code];
+        self.is_unreachable() || silent.contains(&self.code())
+    }
+
     /// Returns true if the loader did not answer; the cell may be restarting.
     #[must_use]
     pub fn is_unreachable(&self) -> bool {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::gateway::Gateway;
 use crate::loader::CellClient;
-use crate::state::{RuleState, ScheduleRule};
+use crate::rules::{RuleState, ScheduleRule};
 
 /// Loads a net again that is not in the core at the moment.
 ///

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rcc_api::codes;
 
 use crate::gateway::Gateway;
-use crate::loader::CellClient;
+use crate::loader::{CellClient, LoaderError};
 use crate::net_values::read_values;
 use crate::pushes::NetState;
 use crate::state::GatewayNet;
@@ -15,6 +15,18 @@ pub fn look_at(gateway: &Gateway, loader: &mut CellClient, name: &str) {
     let net = gateway.state().nets.get(name).cloned();
     if let Some(net) = net.filter(|net| net.state.is_active() && net.command.is_some()) {
         look_at_net(gateway, loader, name, &net);
+    }
+}
+
+/// Asks what became of a net whose START was not answered: true if it runs or has run.
+///
+/// # Errors
+/// Returns an error if that is still not known.
+pub fn has_started(loader: &mut CellClient, name: &str) -> Result<bool, LoaderError> {
+    match loader.state(name) {
+        Ok(detail) => Ok(detail.command.is_active() || detail.command.state == "terminated"),
+        Err(error) if error.code() == codes::UNKNOWN_COMMAND.code => Ok(false),
+        Err(error) => Err(error),
     }
 }
 

@@ -227,7 +227,6 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
-    use crate::fake_loader::TestFolder;
 
     #[test]
     fn the_kinematics_of_a_robot_file_are_found() {
@@ -262,9 +261,9 @@ mod tests {
 
     #[test]
     fn arms_that_are_created_at_once_have_their_own_kinematics() {
-        let folder = TestFolder::new();
+        let folder = rcc_testing::folder();
         // Writes the URDF that it was given as kinematics, but only when two of it run: who opens a pipe waits for the other.
-        let program = folder.0.join("rcc-cli");
+        let program = folder.path().join("rcc-cli");
         let script = "#!/bin/sh\ncd \"${0%/*}\"\nif mkfifo pipe 2>/dev/null; then : >pipe; else : <pipe; fi\n\
                       echo kinematics:\nsed 's/^/  /' \"$3\"\n";
         fs::write(&program, script).expect("a program");
@@ -275,7 +274,7 @@ mod tests {
             period_ms: 2,
             delay_ms: 80,
         };
-        let files = folder.0.join("files");
+        let files = folder.path().join("files");
         let cell = OwnCell::new(options, files.clone(), program).expect("a cell");
         let arms = [arm("low", "0.25"), arm("high", "0.75")];
         let found = std::thread::scope(|scope| {

@@ -15,7 +15,8 @@ use crate::loader::CellClient;
 use crate::mirror;
 use crate::outbox::Outbox;
 use crate::pushes::NetState;
-use crate::state::{RuleState, ScheduleRule, Session};
+use crate::rules::{RuleState, ScheduleRule};
+use crate::state::Session;
 use crate::stops::{self, StopKind};
 use crate::values::from_library;
 
@@ -431,6 +432,9 @@ impl Dialogue {
             }
             if net.owed_stop.is_some() {
                 return Err(format!("{name} is being stopped"));
+            }
+            if net.may_run {
+                return Err(format!("{name} may run: abort it first"));
             }
             if state.is_scheduled(name) {
                 return Err(format!("a rule waits to start {name}"));

@@ -23,8 +23,8 @@ const CONNECTIONS_MAX: usize = 64;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Time without a sign of life after which TCP asks an upgraded connection for one, and time between two questions, s.
 const PROBE_EVERY_S: u32 = 1;
-/// Time without an acknowledgement after which TCP ends an upgraded connection, ms. Longer than short losses of a network;
-/// after longer ones the library connects again, within the session's time-out.
+/// Time without an acknowledgement, or with a full receive buffer, after which TCP ends an upgraded connection, ms. Longer
+/// than short losses of a network; after longer ones the library connects again, within the session's time-out.
 const UNANSWERED_MAX_MS: u32 = 4000;
 const PLAIN: &str = "text/plain; charset=utf-8";
 
@@ -264,13 +264,13 @@ fn upgrade(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake_loader::{TestFolder, connected_pair, socket};
+    use crate::fake_loader::{connected_pair, socket};
     use crate::gateway::GatewayOptions;
     use nix::sys::socket::getsockopt;
 
     #[test]
     fn tcp_ends_an_upgraded_connection_whose_other_side_does_not_answer() {
-        let folder = TestFolder::new();
+        let folder = rcc_testing::folder();
         let options = GatewayOptions {
             session_timeout: PATIENCE,
         };

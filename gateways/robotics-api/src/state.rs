@@ -14,6 +14,7 @@ use crate::dio::{DioMessage, DioValue};
 use crate::net_text::NetText;
 use crate::outbox::Outbox;
 use crate::pushes::{AFTER_FIRED, HOLD_BACK_MAX, NetPicture, NetState, NetSubscription};
+use crate::rules::{RuleState, ScheduleRule};
 use crate::stops::StopKind;
 
 /// Most nets and rules that are remembered; of those that are over the oldest are forgotten.
@@ -78,6 +79,8 @@ pub struct GatewayNet {
     pub held_by: Option<(u64, Instant)>,
     /// True while START has been sent and is not answered.
     pub is_starting: bool,
+    /// True if START was sent and its answer was lost: the net may run.
+    pub may_run: bool,
     /// A stop that the core has yet to take; no rule starts the net any more.
     pub owed_stop: Option<StopKind>,
     /// True once it was told to end.
@@ -86,58 +89,13 @@ pub struct GatewayNet {
     pub canceled_at: Option<Instant>,
 }
 
-/// The state of a rule.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum RuleState {
-    /// It waits for its condition.
-    #[default]
-    Active,
-    /// It has fired.
-    Fired,
-    /// Its condition was true, but the core refused; nothing happened.
-    FireFailed,
-    /// Its condition cannot become true any more.
-    Inactive,
-}
-
-impl RuleState {
-    /// Returns the name of the protocol.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            RuleState::Active => "ACTIVE",
-            RuleState::Fired => "FIRED",
-            RuleState::FireFailed => "FIREFAILED",
-            RuleState::Inactive => "INACTIVE",
-        }
+impl GatewayNet {
+    /// Notes that the core must still take a stop of this kind, or a stronger one.
+    pub fn owe_stop(&mut self, kind: StopKind) {
+        // A net without `Cancel` would run on.
+        let kind = kind.max(StopKind::gentlest(self.can_cancel));
+        self.owed_stop = self.owed_stop.max(Some(kind));
     }
-}
-
-/// A synchronization rule.
-#[derive(Clone, Debug, Default)]
-pub struct ScheduleRule {
-    /// Session of its first net.
-    pub session: String,
-    /// When it fires.
-    pub condition: Condition,
-    /// Nets that it stops.
-    pub stop: Vec<String>,
-    /// Nets that it cancels.
-    pub cancel: Vec<String>,
-    /// Nets that it starts.
-    pub start: Vec<String>,
-    /// Its state.
-    pub state: RuleState,
-    /// When a client was told that it has fired.
-    pub told: Option<Instant>,
-    /// When the core first refused because an arm was still coming to rest, or a stop was first not delivered.
-    pub trying_since: Option<Instant>,
-    /// When the next attempt is due, after one in which a motion did not continue, or a stop was not delivered.
-    pub not_before: Option<Instant>,
-    /// Number of the core's rule that does the same in the cycle in which the condition becomes true, if there is one.
-    pub core: Option<u64>,
-    /// Subscriptions that have not seen its last state.
-    pub subscribers: Vec<(Outbox, String)>,
 }
 
 /// A device as it is reported.
@@ -255,14 +213,22 @@ impl GatewayState {
         })
     }
 
-    /// Notes that a net has been started by a rule: it takes arms and outputs from those that ended.
+    /// Notes that a net has been started by a rule.
     pub fn started(&mut self, name: &str, rule: u64, now: Instant) {
+        self.runs(name);
+        if let Some(net) = self.nets.get_mut(name) {
+            net.held_by = Some((rule, now));
+        }
+    }
+
+    /// Notes that a net runs: it takes arms and outputs from those that ended.
+    pub fn runs(&mut self, name: &str) {
         let Some(net) = self.nets.get_mut(name) else {
             return;
         };
         net.state = NetState::Running;
         net.asked = None;
-        net.held_by = Some((rule, now));
+        net.may_run = false;
         let uses = net.uses.clone();
         for (other, net) in &mut self.nets {
             if other != name && net.state.is_over() && !net.uses.is_disjoint(&uses) {

@@ -1,5 +1,6 @@
 //! Stops of nets, by their clients, by rules and at the end of the gateway. A stop that was acknowledged holds: a net whose
-//! START is under way is stopped when that has been answered. Run by the engine and by the threads of connections.
+//! START is under way is stopped when that has been answered, or when the cell tells what became of it. Run by the engine
+//! and by the threads of connections.
 
 use rcc_api::codes;
 use serde_json::{Map, Value};
@@ -7,6 +8,7 @@ use serde_json::{Map, Value};
 use crate::gateway::Gateway;
 use crate::loader::{CellClient, LoaderError};
 use crate::net_text::STOP_INPUT;
+use crate::net_watch::has_started;
 use crate::pushes::NetState;
 use crate::state::GatewayState;
 
@@ -52,11 +54,9 @@ impl GatewayState {
         if net.state.is_active() && net.command.is_some() {
             return Some(kind);
         }
-        if net.is_starting || net.owed_stop.is_some() {
-            // A net without `Cancel` would run on.
-            let kind = kind.max(StopKind::gentlest(net.can_cancel));
-            net.owed_stop = net.owed_stop.max(Some(kind));
-            return Some(kind);
+        if net.is_starting || net.may_run || net.owed_stop.is_some() {
+            net.owe_stop(kind);
+            return net.owed_stop;
         }
         // As in the predecessor, a CANCEL does nothing to a net that nothing is about to start.
         if kind == StopKind::Abort || is_scheduled {
@@ -114,8 +114,10 @@ pub fn end(gateway: &Gateway, loader: &mut CellClient, name: &str) -> Result<(),
         // Nobody takes an ABORT either.
         Err(error) if error.code() == codes::NO_LOADER.code => Err(error),
         Err(error) => {
-            tracing::warn!(net = name, %error, "the net cannot be ended and is aborted");
-            send(gateway, loader, name, StopKind::Abort)
+            tracing::debug!(net = name, %error, "the net cannot be ended");
+            send(gateway, loader, name, StopKind::Abort).inspect(|()| {
+                tracing::warn!(net = name, %error, "the net cannot be ended and is aborted");
+            })
         }
         Ok(()) => Ok(()),
     };
@@ -134,15 +136,84 @@ pub fn send_owed(gateway: &Gateway, loader: &mut CellClient) {
             .collect()
     };
     for (name, kind) in owed {
-        if let Err(error) = send(gateway, loader, &name, kind) {
-            tracing::warn!(net = name, %error, "not stopped: it is tried again");
-            continue;
+        if let Err(error) = deliver(gateway, loader, &name, kind) {
+            tracing::debug!(net = name, %error, "not stopped: it is tried again");
         }
-        if let Some(net) = gateway.state().nets.get_mut(&name) {
-            net.owed_stop = None;
-            if !net.state.is_active() && !net.state.is_over() {
-                // Its START was refused.
-                net.state = NetState::Terminated;
+    }
+}
+
+/// Sends a stop that is owed. A net whose START was not answered is stopped first, then asked for, and stopped again if it
+/// runs.
+///
+/// # Errors
+/// Returns an error if the core did not take it, or does not tell whether the net runs; the stop stays owed.
+pub fn deliver(
+    gateway: &Gateway,
+    loader: &mut CellClient,
+    name: &str,
+    kind: StopKind,
+) -> Result<(), LoaderError> {
+    send(gateway, loader, name, kind)?;
+    let may_run = {
+        let state = gateway.state();
+        state.nets.get(name).is_some_and(|net| net.may_run)
+    };
+    let has_started = may_run && has_started(loader, name)?;
+    if has_started {
+        // START may have been taken after the first stop.
+        send(gateway, loader, name, kind)?;
+    }
+    let mut state = gateway.state();
+    let Some(net) = state.nets.get_mut(name) else {
+        return Ok(());
+    };
+    net.owed_stop = None;
+    net.may_run = false;
+    if net.state.is_active() || net.state.is_over() {
+        return Ok(());
+    }
+    match has_started {
+        // Its end is seen as that of every net that runs.
+        true => state.runs(name),
+        // Its START was refused, or never arrived.
+        false => net.state = NetState::Terminated,
+    }
+    Ok(())
+}
+
+/// Looks for nets whose START was not answered and whose rule has failed: what runs of them is stopped, because nothing
+/// happens when a rule fails.
+pub fn stop_unnoticed(gateway: &Gateway, loader: &mut CellClient) {
+    let unnoticed: Vec<String> = {
+        let state = gateway.state();
+        let nets = state.nets.iter().filter(|(name, net)| {
+            net.may_run
+                && !net.is_starting
+                && net.owed_stop.is_none()
+                && !net.state.is_over()
+                && !state.is_scheduled(name)
+        });
+        nets.map(|(name, _)| name.clone()).collect()
+    };
+    for name in unnoticed {
+        let has_started = match has_started(loader, &name) {
+            Ok(has_started) => has_started,
+            // It is asked for again later.
+            Err(error) if error.is_unreachable() => return,
+            Err(_) => continue,
+        };
+        let mut state = gateway.state();
+        if has_started {
+            tracing::warn!(
+                net = name,
+                "it runs although its rule has failed: it is stopped"
+            );
+            state.runs(&name);
+        }
+        if let Some(net) = state.nets.get_mut(&name) {
+            net.may_run = false;
+            if has_started {
+                net.owe_stop(StopKind::Cancel);
             }
         }
     }

@@ -7,24 +7,25 @@ use std::time::Duration;
 use rcc_api::codes::{self, ErrorCode};
 
 use super::*;
-use crate::fake_loader::{FakeLoader, TestFolder, connected_pair, socket};
+use crate::fake_loader::{FakeLoader, connected_pair, socket};
 use crate::firing::fire_due;
 use crate::gateway::GatewayOptions;
 use crate::outbox::Outbox;
 use crate::requests::Dialogue;
-use crate::state::{GatewayNet, RuleState};
+use crate::rules::RuleState;
+use crate::state::{GatewayNet, ReportedValue};
 
 /// Nets that can be canceled, in the core, and a client.
 struct Bench {
     gateway: Arc<Gateway>,
-    folder: TestFolder,
+    folder: rcc_testing::TempDir,
     dialogue: Dialogue,
     frames: Receiver<Vec<u8>>,
 }
 
 impl Bench {
     fn new(nets: &[(&str, NetState)]) -> Bench {
-        let folder = TestFolder::new();
+        let folder = rcc_testing::folder();
         let options = GatewayOptions {
             session_timeout: Duration::from_secs(10),
         };
@@ -336,3 +337,40 @@ fn a_cancel_beside_a_start_stays_owed_until_the_core_takes_it() {
     let requests = loader.requests();
     assert_eq!(requests, ["n/start", "before/cancel", "before/cancel"]);
 }
+
+#[test]
+fn a_stop_that_was_not_delivered_no_longer_waits_for_its_condition() {
+    // The condition is false then, or can never be true again.
+    for ended in [false, true] {
+        let mut bench = Bench::new(&[("n", NetState::Running), ("m", NetState::Running)]);
+        let gateway = Arc::clone(&bench.gateway);
+        let tell = |value: &str| {
+            let mut state = gateway.state();
+            let net = state.nets.get_mut("n").expect("a net");
+            net.reported = vec![ReportedValue {
+                port: "out_0.value".to_owned(),
+                source: "a.out".to_owned(),
+                type_name: "Bool".to_owned(),
+                key: "out_0".to_owned(),
+            }];
+            net.values.insert("out_0".to_owned(), value.to_owned());
+        };
+        tell("true");
+        assert_eq!(bench.ask("nesc(\"n.out_0\",[\"m\"],[],[])"), "ok(\"1\")");
+        bench.fire();
+        assert_eq!(bench.rule(1), RuleState::Active);
+        tell("false");
+        if ended {
+            let mut state = bench.gateway.state();
+            state.nets.get_mut("n").expect("a net").state = NetState::Terminated;
+        }
+        bench.fire();
+        assert_eq!(bench.rule(1), RuleState::Active);
+        let loader = FakeLoader::start(&bench.folder, |_| Ok(()));
+        bench.fire();
+        assert_eq!(bench.rule(1), RuleState::Fired);
+        assert_eq!(loader.requests(), ["m/inputs"]);
+    }
+}
+
+mod lost_answer;
