@@ -75,14 +75,9 @@ impl EventReader {
     /// # Errors
     /// Returns an error if a file cannot be read.
     pub fn poll(&mut self) -> io::Result<Vec<Event>> {
-        let mut events = Vec::new();
         let mut unreadable = 0;
-        if let Some(old) = &mut self.old {
-            old.read(&mut events, &mut unreadable)?;
-        }
-        if let Some(current) = &mut self.current {
-            current.read(&mut events, &mut unreadable)?;
-        }
+        let tails = self.old.iter_mut().chain(&mut self.current);
+        let mut events = read_in_order(tails.collect(), &mut unreadable)?;
         let known = self.current.as_ref().map(|tail| tail.inode);
         let inode = fs::metadata(self.folder.events_file());
         let inode = inode.ok().map(|found| found.ino());
@@ -95,11 +90,7 @@ impl EventReader {
 
     /// Switches to the new file at the path, and reads the files that were rotated since the last one.
     fn take_new(&mut self, events: &mut Vec<Event>, unreadable: &mut u64) -> io::Result<()> {
-        if let Some(mut moved) = self.current.take() {
-            // Lines written between the last read and the rotation.
-            moved.read(events, unreadable)?;
-            self.old = Some(moved);
-        }
+        let mut rotated: Vec<Tail> = self.current.take().into_iter().collect();
         // Opened before the rotated files are listed, so that none is missed that is rotated in between.
         self.current = Tail::open(&self.folder.events_file());
         let current = self.current.as_ref().map(|tail| tail.inode);
@@ -109,21 +100,33 @@ impl EventReader {
             }
             self.last_rotated = number;
             // It may have been removed just now.
-            let Some(mut rotated) = Tail::open(&path) else {
+            let Some(tail) = Tail::open(&path) else {
                 continue;
             };
-            let known = self.old.as_ref().map(|tail| tail.inode);
-            if [known, current].contains(&Some(rotated.inode)) {
-                continue;
+            let known = rotated.last().or(self.old.as_ref());
+            let known = known.map(|tail| tail.inode);
+            if ![known, current].contains(&Some(tail.inode)) {
+                rotated.push(tail);
             }
-            rotated.read(events, unreadable)?;
-            self.old = Some(rotated);
         }
-        match &mut self.current {
-            Some(current) => current.read(events, unreadable),
-            None => Ok(()),
-        }
+        let tails = rotated.iter_mut().chain(&mut self.current);
+        let read = read_in_order(tails.collect(), unreadable);
+        self.old = rotated.pop().or(self.old.take());
+        events.extend(read?);
+        Ok(())
     }
+}
+
+/// Returns the new lines of files in their order. The newest file is read first: a writer that appends to it has written
+/// all its lines in the files before.
+fn read_in_order(tails: Vec<&mut Tail>, unreadable: &mut u64) -> io::Result<Vec<Event>> {
+    let mut parts = Vec::new();
+    for tail in tails.into_iter().rev() {
+        let mut part = Vec::new();
+        tail.read(&mut part, unreadable)?;
+        parts.push(part);
+    }
+    Ok(parts.into_iter().rev().flatten().collect())
 }
 
 impl Tail {
