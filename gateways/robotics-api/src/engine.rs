@@ -10,7 +10,8 @@ use crate::loader::{CellClient, LoaderError};
 use crate::net_watch::look_at_net;
 use crate::rules::RuleState;
 use crate::state::GatewayNet;
-use crate::stops::{self, StopKind};
+use crate::stop_kind::StopKind;
+use crate::stops;
 
 /// Time between two turns while something runs or waits: what is pushed at an interval becomes due by itself.
 const TURN_EVERY: Duration = Duration::from_millis(4);

@@ -13,7 +13,8 @@ use crate::net_watch::{has_started, look_at};
 use crate::pushes::NetState;
 use crate::rules::{RuleState, ScheduleRule};
 use crate::state::GatewayState;
-use crate::stops::{self, StopKind};
+use crate::stop_kind::StopKind;
+use crate::stops;
 
 /// Time for an arm to come to rest before a rule that starts a net fails.
 const REST_TIME_MAX: Duration = Duration::from_secs(3);

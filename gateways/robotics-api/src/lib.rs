@@ -27,6 +27,7 @@ pub mod requests;
 pub mod rules;
 pub mod server;
 pub mod state;
+pub mod stop_kind;
 pub mod stops;
 mod text_reader;
 pub mod values;

@@ -17,7 +17,8 @@ use crate::outbox::Outbox;
 use crate::pushes::NetState;
 use crate::rules::{RuleState, ScheduleRule};
 use crate::state::Session;
-use crate::stops::{self, StopKind};
+use crate::stop_kind::StopKind;
+use crate::stops;
 use crate::values::from_library;
 
 /// Maximum number of nets that one connection loads at the same time; further LOADs wait, and so do the requests after

@@ -15,7 +15,7 @@ use crate::net_text::NetText;
 use crate::outbox::Outbox;
 use crate::pushes::{AFTER_FIRED, HOLD_BACK_MAX, NetPicture, NetState, NetSubscription};
 use crate::rules::{RuleState, ScheduleRule};
-use crate::stops::StopKind;
+use crate::stop_kind::StopKind;
 
 /// Most nets and rules that are remembered; of those that are over the oldest are forgotten.
 pub const REMEMBERED_MAX: usize = 4096;

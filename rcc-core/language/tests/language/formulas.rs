@@ -75,7 +75,7 @@ fn common_parts_stand_once_and_constants_are_folded() {
 
 #[test]
 fn equal_texts_take_the_unit_of_each_place() {
-    let text = net("  button: {type: DigitalInput, parameters: {device: io, channel: button}}
+    let text = net("  button: {type: DigitalInput, parameters: {device: io, channel: door_closed}}
   belt: {type: AnalogOutput, parameters: {device: io, channel: belt_speed}, inputs: {in: '= if button.out then 0 else 1'}}
   late: {type: OnDelay, inputs: {in: button.out, time: '= if button.out then 0 else 1'}}
   lamp: {type: DigitalOutput, parameters: {device: io, channel: lamp}, inputs: {in: late.out}}
@@ -85,7 +85,7 @@ fn equal_texts_take_the_unit_of_each_place() {
     assert_eq!(selects.count(), 4, "{found:?}");
     // Operands with a unit, or that are outputs, leave nothing open: the part stands once.
     let text = net(
-        "  button: {type: DigitalInput, parameters: {device: io, channel: button}}
+        "  button: {type: DigitalInput, parameters: {device: io, channel: door_closed}}
   m: {type: Monitor, inputs: {value: '= if button.out then 0 m else 1 m'}}
   n: {type: Monitor, inputs: {value: '= 2 * (if button.out then 0 m else 1 m)'}}
   o: {type: Monitor, inputs: {value: '= not button.out'}}
