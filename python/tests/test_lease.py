@@ -1,26 +1,22 @@
 """The lease of the client: requested, named at START, renewed beside the program, and ended."""
 
 import asyncio
-import http.server
-import json
-import socketserver
 import threading
 import time
 
 import pytest
+from fake_loader import FakeLoader
 
 import rcc
 
 NOT_THERE = {"code": "RCC3053", "message": "lease 1 does not exist, or has expired"}
 
 
-class Loader(socketserver.ThreadingUnixStreamServer):
+class Loader(FakeLoader):
     """Answers as a loader does, as far as leases are concerned, and notes what it is asked."""
 
-    daemon_threads = True
-
     def __init__(self, path):
-        super().__init__(str(path), Handler)
+        super().__init__(path)
         self.asked, self.granted, self.expired = [], 0, set()
         self.changed = threading.Condition()
 
@@ -45,43 +41,13 @@ class Loader(socketserver.ThreadingUnixStreamServer):
         return 200, {"id": 1, "net": "any", "state": "ready", "executor": {}}
 
 
-class Handler(http.server.BaseHTTPRequestHandler):
-    """One connection."""
-
-    protocol_version = "HTTP/1.1"
-
-    def do_POST(self):
-        """Answers any method."""
-        text = self.rfile.read(int(self.headers.get("content-length", 0)))
-        body = json.loads(text) if text.startswith(b"{") else {}
-        status, answer = self.server.answer(self.command, self.path.split("?")[0], body)
-        sent = json.dumps(answer).encode()
-        self.send_response(status)
-        self.send_header("content-length", str(len(sent)))
-        self.end_headers()
-        self.wfile.write(sent)
-
-    do_GET = do_DELETE = do_POST
-
-    def log_message(self, *_):
-        """Says nothing."""
-
-    def address_string(self):
-        """A Unix socket has no name."""
-        return "local"
-
-
 @pytest.fixture
 def loader(tmp_path, monkeypatch):
     """A loader of a cell of its own."""
     monkeypatch.setenv("RCC_RUNTIME_DIR", str(tmp_path))
     (tmp_path / "told").mkdir()
-    with Loader(tmp_path / "told/loader.sock") as server:
-        serving = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-        serving.start()
+    with Loader(tmp_path / "told/loader.sock").serving() as server:
         yield server
-        server.shutdown()
-        serving.join()
 
 
 def starts(loader):

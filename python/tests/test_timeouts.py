@@ -1,24 +1,20 @@
 """A timeout of the blocking client ends the waiting in time, whatever the stream of states tells meanwhile."""
 
-import http.server
-import json
 import select
-import socketserver
 import threading
 
 import pytest
+from fake_loader import FakeLoader
 from test_cell import waiting
 
 import rcc
 
 
-class Loader(socketserver.ThreadingUnixStreamServer):
+class Loader(FakeLoader):
     """Answers as a loader does: its command runs for ever, and its stream of states gives signs of life."""
 
-    daemon_threads = True
-
     def __init__(self, path):
-        super().__init__(str(path), Handler)
+        super().__init__(path)
         #: Time between two signs of life, s; and their number, after which the stream ends.
         self.every, self.signs = 0.01, 500
         #: Signs of life of a stream that has ended; `None` while there is none.
@@ -28,50 +24,24 @@ class Loader(socketserver.ThreadingUnixStreamServer):
         self.answers.set()
         self.asked = threading.Event()
 
-    def handle_error(self, *_):
-        """Says nothing of a client that has gone before its answer."""
+    def answer(self, _method, path, _body):
+        """The command, of which questions may be answered late."""
+        if path.startswith("/commands"):
+            self.asked.set()
+            self.answers.wait(60)
+        return 200, {"id": 1, "net": "any", "state": "running", "executor": {}}
 
-
-class Handler(http.server.BaseHTTPRequestHandler):
-    """One connection."""
-
-    protocol_version = "HTTP/1.1"
-
-    def do_POST(self):
-        """Answers any method."""
-        self.rfile.read(int(self.headers.get("content-length", 0)))
-        if self.path.startswith("/stream"):
-            self.stream()
-            return
-        if self.path.startswith("/commands"):
-            self.server.asked.set()
-            self.server.answers.wait(60)
-        sent = json.dumps({"id": 1, "net": "any", "state": "running", "executor": {}}).encode()
-        self.send_response(200)
-        self.send_header("content-length", str(len(sent)))
-        self.end_headers()
-        self.wfile.write(sent)
-
-    do_GET = do_DELETE = do_POST
-
-    def stream(self):
+    def stream(self, request):
         """Gives signs of life until the client has gone, or the last one is given."""
-        self.close_connection = True
-        self.send_response(200)
-        self.end_headers()
+        request.close_connection = True
+        request.send_response(200)
+        request.end_headers()
         given = 0
-        while given < self.server.signs and not select.select([self.connection], [], [], self.server.every)[0]:
-            self.wfile.write(b": alive\n\n")
+        while given < self.signs and not select.select([request.connection], [], [], self.every)[0]:
+            request.wfile.write(b": alive\n\n")
             given += 1
-        self.server.given = given
-        self.server.streamed.set()
-
-    def log_message(self, *_):
-        """Says nothing."""
-
-    def address_string(self):
-        """A Unix socket has no name."""
-        return "local"
+        self.given = given
+        self.streamed.set()
 
 
 @pytest.fixture
@@ -79,13 +49,9 @@ def loader(tmp_path, monkeypatch):
     """A loader of a cell of its own."""
     monkeypatch.setenv("RCC_RUNTIME_DIR", str(tmp_path))
     (tmp_path / "told").mkdir()
-    with Loader(tmp_path / "told/loader.sock") as server:
-        serving = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-        serving.start()
+    with Loader(tmp_path / "told/loader.sock").serving() as server:
         yield server
         server.answers.set()
-        server.shutdown()
-        serving.join()
 
 
 @pytest.mark.parametrize(
