@@ -53,31 +53,29 @@ impl<B: DeviceBoards> Engine<B> {
     /// CANCEL of a command whose START waits for the net's first cycle: it is never evaluated and stays ready, and START
     /// is refused. Returns false if the command does not wait.
     pub(super) fn withdraw_start(&mut self, id: u64) -> bool {
-        let Ok(row) = self.commands.find(id, |_| true) else {
-            return false;
-        };
-        let PendingTransition::Start { ticket, .. } = self.commands[row].pending else {
-            return false;
-        };
-        self.commands[row].pending = PendingTransition::Nothing;
-        let answer = Answer::Refused(Refusal::Withdrawn);
-        self.send_reply(EngineReply::Answer { ticket, answer });
-        true
+        self.refuse_start(id, Refusal::Withdrawn).is_some()
     }
 
     /// ABORT of a command whose START waits for the net's first cycle: it is never evaluated, and START is refused.
     /// Returns false if the command does not wait.
     pub(super) fn abort_before_first_cycle(&mut self, id: u64) -> bool {
-        let Ok(row) = self.commands.find(id, |_| true) else {
-            return false;
-        };
-        let PendingTransition::Start { ticket, .. } = self.commands[row].pending else {
-            return false;
-        };
         let state = CommandState::Terminated as u32;
-        let answer = Answer::Refused(Refusal::WrongState { state });
-        self.send_reply(EngineReply::Answer { ticket, answer });
+        let Some(row) = self.refuse_start(id, Refusal::WrongState { state }) else {
+            return false;
+        };
         self.end(row, EndReason::Aborted, FaultRecord::NONE);
         true
+    }
+
+    /// Refuses a START that waits for the net's first cycle. Returns the row of the command if it does.
+    fn refuse_start(&mut self, id: u64, refusal: Refusal) -> Option<RowIndex> {
+        let row = self.commands.find(id, |_| true).ok()?;
+        let PendingTransition::Start { ticket, .. } = self.commands[row].pending else {
+            return None;
+        };
+        self.commands[row].pending = PendingTransition::Nothing;
+        let answer = Answer::Refused(refusal);
+        self.send_reply(EngineReply::Answer { ticket, answer });
+        Some(row)
     }
 }
