@@ -179,37 +179,33 @@ pub fn changes(before: &[Parameter], now: &[Parameter]) -> Vec<Parameter> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufRead as _, BufReader, Write as _};
     use std::os::unix::net::UnixListener;
     use std::thread::JoinHandle;
     use std::time::Duration;
 
     use super::*;
     use rcc_api::bodies::ErrorBody;
+    use rcc_testing::TempDir;
+    use rcc_testing::http::answer_request;
     use serde_json::json;
 
     /// Starts a thread that answers these requests in their order, each with a status and a body. Returns a client for them.
-    fn loader(answers: Vec<(&'static str, &'static str, Value)>) -> (LoaderClient, JoinHandle<()>) {
-        let file = format!("rcc-foxglove-{}.sock", std::process::id());
-        let socket = std::env::temp_dir().join(file);
+    fn loader(
+        folder: &TempDir,
+        answers: Vec<(&'static str, u16, Value)>,
+    ) -> (LoaderClient, JoinHandle<()>) {
+        let socket = folder.path().join("loader.sock");
         let listener = UnixListener::bind(&socket).expect("a socket");
         let client = LoaderClient::new("test", &socket, Duration::from_secs(60));
         let server = std::thread::spawn(move || {
             for (path, status, body) in answers {
-                let (mut stream, _) = listener.accept().expect("a client");
-                let mut lines = BufReader::new(stream.try_clone().expect("a stream")).lines();
-                let request = lines.next().expect("a request").expect("a line");
-                assert_eq!(request, format!("GET {path} HTTP/1.1"));
-                // A GET has no body.
-                let head = lines.map_while(Result::ok);
-                head.take_while(|line| !line.is_empty()).for_each(drop);
-                let body = body.to_string();
-                let length = format!("content-length: {}", body.len());
-                let answer =
-                    format!("HTTP/1.1 {status}\r\n{length}\r\nconnection: close\r\n\r\n{body}");
-                stream.write_all(answer.as_bytes()).expect("an answer");
+                let (stream, _) = listener.accept().expect("a client");
+                let answered = answer_request(&stream, |request| {
+                    assert_eq!(request.line, format!("GET {path}"));
+                    (status, body.to_string())
+                });
+                answered.expect("an answer");
             }
-            std::fs::remove_file(socket).expect("the socket");
         });
         (client.expect("a client"), server)
     }
@@ -232,11 +228,13 @@ mod tests {
             text: String::new(),
             names: json!({"inputs": [{"primitive": "speed"}]}),
         };
-        let (loader, server) = loader(vec![
-            ("/commands", "200 OK", json!([gone, belt])),
-            ("/commands/7", "404 Not Found", json!(unknown)),
-            ("/commands/8", "200 OK", json!(detail)),
-        ]);
+        let folder = rcc_testing::folder();
+        let answers = vec![
+            ("/commands", 200, json!([gone, belt])),
+            ("/commands/7", 404, json!(unknown)),
+            ("/commands/8", 200, json!(detail)),
+        ];
+        let (loader, server) = loader(&folder, answers);
         let places = Parameters::of("test").places(&loader);
         let wanted = BTreeMap::from([("belt/speed".to_owned(), (8, "speed".to_owned()))]);
         assert_eq!(places, Ok(wanted));

@@ -98,7 +98,7 @@ pub fn check(file: &Path, text: &str) -> Result<(), CellFileError> {
     Ok(())
 }
 
-/// Who starts a program, which decides where its file is looked for.
+/// The process that starts a program; it determines where the file of the program is searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StartedBy {
     /// The supervisor: in the folder of RCC's programs, or with a `/` by its path.
@@ -113,7 +113,7 @@ struct NamedProgram<'a> {
     started_by: StartedBy,
     /// The program and its arguments.
     line: Vec<String>,
-    /// What its unit permits beyond what every driver may do.
+    /// Permissions of its unit in addition to those of every driver.
     needs: &'a [DriverNeed],
 }
 

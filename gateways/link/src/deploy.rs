@@ -429,7 +429,7 @@ struct CellCheck<'a> {
     cell: &'a str,
     /// The texts about which it was not asked yet.
     left: std::vec::IntoIter<&'a DeployText>,
-    /// What it says of valid texts.
+    /// Messages about valid texts.
     valid: Vec<String>,
     refused: Vec<Refusal>,
 }

@@ -165,7 +165,7 @@ fn all_cells_are_asked_together_and_each_about_one_text_after_the_other() {
         let round: BTreeSet<&str> = round.iter().map(String::as_str).collect();
         assert_eq!(round.len(), CELLS.len(), "{number}: {asked:?}");
     }
-    // What they say is in the order of cells and texts.
+    // Messages are in the order of cells and texts.
     let told = CELLS.iter().flat_map(|cell| {
         (0..NETS).map(move |number| format!("{cell}  line-{number}.yaml is valid  uses: arm"))
     });

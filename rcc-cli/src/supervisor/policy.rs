@@ -32,7 +32,7 @@ pub enum RestartDecision {
     Failed,
 }
 
-/// What helps a process that ended or could not be started, in words.
+/// The remedy for a process that ended or could not be started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Remedy {
     /// A restart cannot help, only this.

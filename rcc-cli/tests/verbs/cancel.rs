@@ -1,33 +1,15 @@
 //! `cancel --wait` of a net that somebody else runs, and unloads as soon as it has ended. The loader is a thread of the test
 //! that answers over TCP.
 
-use std::io::{BufRead, BufReader, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 
+use rcc_testing::http::{HttpRequest, answer_request};
 use serde_json::{Value, json};
 
 use crate::program::{rcc_cli, texts};
 
-/// The answer to a request by its first line.
-type Answer = fn(&str) -> (u16, Value);
-
-/// Answers one request.
-fn serve(mut stream: TcpStream, answer: Answer) -> std::io::Result<()> {
-    let mut reader = BufReader::new(stream.try_clone()?);
-    let mut first = String::new();
-    reader.read_line(&mut first)?;
-    let mut line = String::new();
-    while reader.read_line(&mut line)? > 2 {
-        line.clear();
-    }
-    let (status, body) = answer(&first);
-    let body = body.to_string();
-    write!(
-        stream,
-        "HTTP/1.1 {status} X\r\ncontent-type: application/json\r\nconnection: close\r\ncontent-length: {}\r\n\r\n{body}",
-        body.len()
-    )
-}
+/// The answer to a request.
+type Answer = fn(&HttpRequest) -> (u16, Value);
 
 /// Runs `cancel poll --wait` against a loader with these answers; returns the exit code and both texts.
 fn cancel(answer: Answer) -> (Option<i32>, String, String) {
@@ -36,7 +18,10 @@ fn cancel(answer: Answer) -> (Option<i32>, String, String) {
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
             // A client that has gone needs no answer.
-            let _ = serve(stream, answer);
+            let _ = answer_request(&stream, |request| {
+                let (status, body) = answer(request);
+                (status, body.to_string())
+            });
         }
     });
     let folder = rcc_testing::folder();
@@ -57,11 +42,11 @@ fn cancel(answer: Answer) -> (Option<i32>, String, String) {
 
 /// The answer of a loader whose command 7 was canceled, and unloaded by whoever ran it: it is in the list of the last that
 /// were, by its id.
-fn unloaded(reason: &str, request: &str) -> (u16, Value) {
-    if request.starts_with("POST /commands/poll/cancel") {
+fn unloaded(reason: &str, request: &HttpRequest) -> (u16, Value) {
+    if request.line == "POST /commands/poll/cancel" {
         return (200, json!({"id": 7, "net": "poll", "cycle": 100}));
     }
-    if request.starts_with("GET /commands/7?unloaded=true") {
+    if request.line == "GET /commands/7" && request.query == "unloaded=true" {
         let ended = json!({
             "id": 7, "net": "poll", "state": "terminated", "reason": reason, "can_cancel": true, "cycles": 90,
             "started_cycle": 20, "ended_cycle": 110, "exec_last_ns": 0, "exec_max_ns": 0,

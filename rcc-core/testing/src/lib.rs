@@ -3,6 +3,7 @@
 
 pub mod arms;
 pub mod formulas;
+pub mod http;
 pub mod namespace;
 mod quantile;
 pub mod random;

@@ -45,7 +45,7 @@ pub struct KnownGoal {
     pub outcome: Option<Outcome>,
 }
 
-/// Whether a client has canceled a goal that does not move the arm yet: it must not be started.
+/// Set when a client cancels a goal before its START: the goal must not be started.
 #[derive(Clone, Debug, Default)]
 pub struct CancelFlag(Arc<AtomicBool>);
 

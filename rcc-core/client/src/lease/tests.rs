@@ -1,10 +1,10 @@
 //! Requests of a client about its lease. Run by the test harness; a thread of the test answers as a loader does.
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use rcc_testing::http::answer_request;
 use serde_json::{Value, json};
 
 use super::*;
@@ -73,41 +73,15 @@ fn loader() -> (Arc<Mutex<ToldLoader>>, String) {
     let served = Arc::clone(&loader);
     std::thread::spawn(move || {
         for stream in listener.incoming() {
-            serve(&stream.expect("a connection"), &served);
+            // A client that was dropped does not read.
+            let _ = answer_request(&stream.expect("a connection"), |request| {
+                let body = serde_json::from_slice(&request.body).unwrap_or_default();
+                let (status, answer) = told(&served).answer(&request.line, &body);
+                (status, answer.to_string())
+            });
         }
     });
     (loader, url)
-}
-
-/// Answers the one request of a connection.
-fn serve(mut stream: &TcpStream, loader: &Mutex<ToldLoader>) {
-    let mut reader = BufReader::new(stream);
-    let mut lines = Vec::new();
-    loop {
-        let mut line = String::new();
-        reader.read_line(&mut line).expect("a line");
-        match line.trim() {
-            "" => break,
-            line => lines.push(line.to_ascii_lowercase()),
-        }
-    }
-    let length = lines
-        .iter()
-        .find_map(|line| line.strip_prefix("content-length: ")?.parse().ok());
-    let mut body = vec![0; length.unwrap_or(0)];
-    reader.read_exact(&mut body).expect("a body");
-    let (method, rest) = lines[0].split_once(' ').expect("a method");
-    let path = rest.split([' ', '?']).next().unwrap_or_default();
-    let request = format!("{} {path}", method.to_ascii_uppercase());
-    let body = serde_json::from_slice(&body).unwrap_or_default();
-    let (status, answer) = told(loader).answer(&request, &body);
-    let answer = answer.to_string();
-    let head = format!(
-        "HTTP/1.1 {status} .\r\ncontent-length: {}\r\n\r\n",
-        answer.len()
-    );
-    // A client that was dropped does not read.
-    let _ = stream.write_all((head + &answer).as_bytes());
 }
 
 fn told(loader: &Mutex<ToldLoader>) -> MutexGuard<'_, ToldLoader> {

@@ -438,7 +438,7 @@ mod tests {
 
     #[test]
     fn a_net_that_comes_to_rest_already_is_canceled() {
-        let loader = FakeLoader::new("cancel", |request| match request {
+        let loader = FakeLoader::new(|request| match request {
             "POST /commands/7/cancel" => Ok(json!({"id": 7, "net": "goal", "cycle": 1})),
             "POST /commands/8/cancel" => Err(WRONG_STATE.code),
             _ => Err(DEVICE_NOT_READY.code),

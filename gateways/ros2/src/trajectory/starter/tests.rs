@@ -49,9 +49,9 @@ fn starter(loader: &FakeLoader, runs: bool, first_s: i32) -> (GoalStarter, Goal)
 
 /// Returns a loader whose nets rest once they were canceled, and that refuses each hand-over. `seen` is called with each
 /// request before it is answered.
-fn loader(name: &str, mut seen: impl FnMut(&str) + Send + 'static) -> FakeLoader {
+fn loader(mut seen: impl FnMut(&str) + Send + 'static) -> FakeLoader {
     let (mut old_state, mut new_state) = ("running", "ready");
-    FakeLoader::new(name, move |request| -> Answer {
+    FakeLoader::new(move |request| -> Answer {
         seen(request);
         let view = |id, state: &str| {
             Ok(json!(CommandView {
@@ -101,13 +101,12 @@ fn loader(name: &str, mut seen: impl FnMut(&str) + Send + 'static) -> FakeLoader
 
 /// Returns the requests that change a command, and what has become of the goal.
 fn started(
-    name: &str,
     (runs, first_s): (bool, i32),
     cancel_at: &'static str,
 ) -> (Vec<String>, Result<u64, Refusal>) {
     let canceled = CancelFlag::default();
     let flag = canceled.clone();
-    let loader = loader(name, move |request| {
+    let loader = loader(move |request| {
         if request == cancel_at {
             flag.set();
         }
@@ -124,11 +123,11 @@ fn started(
 
 #[test]
 fn a_goal_that_nobody_cancels_is_started_from_rest() {
-    let (requests, command) = started("rest", (false, 0), "nothing");
+    let (requests, command) = started((false, 0), "nothing");
     assert_eq!(command, Ok(NEW));
     assert_eq!(requests, ["POST /commands", "POST /commands/9/start"]);
     // The running goal does not lead to the new one.
-    let (requests, command) = started("stop", (true, 0), "nothing");
+    let (requests, command) = started((true, 0), "nothing");
     assert_eq!(command, Ok(NEW));
     let all = [
         "POST /commands",
@@ -171,7 +170,7 @@ fn a_goal_that_is_canceled_before_start_never_moves_the_arm() {
         ),
     ];
     for (name, goal, cancel_at, wanted) in rows {
-        let (requests, started) = started(name, goal, cancel_at);
+        let (requests, started) = started(goal, cancel_at);
         let refusal = started.expect_err(name).0;
         assert_eq!(
             refusal.error_string, "canceled before it was started",
